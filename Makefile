@@ -28,7 +28,6 @@ $(VENV)/.locked: scripts/requirements.lock
 $(VENV)/.installed: $(VENV)/.locked pyproject.toml setup.py $(wildcard gearstab/ckernel/*.[ch] gearstab/ckernel/*/*.[ch])
 	@$(BIN)/python scripts/compiler.py | xargs -r $(BIN)/python -m pip install -qq --disable-pip-version-check
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-build-isolation --no-deps --editable .
-	@$(BIN)/python scripts/kernel_note.py
 	@touch $@
 
 install: $(VENV)/.installed ## a virtual environment in .venv with the locked packages and gearstab itself
@@ -49,10 +48,10 @@ test: $(VENV)/.installed ## all tests but the slow ones
 test-all: $(VENV)/.installed ## all tests
 	@$(PYTEST) -m 'slow or not slow'
 
-# Four runs of the fast tests in random order, in which every value of either occurs once: with the kernels that OpenBLAS
-# has for Haswell (and our kernel at avx512), Zen (avx2), SkylakeX (plain) and Prescott (NumPy instead of our kernel).
+# Three runs of the fast tests in random order, in which every value of either occurs once: with the kernels that OpenBLAS
+# has for Haswell (and our kernel at avx512), Zen (avx2) and Prescott (plain).
 # CORE=Zen runs one of them, SEED=17 repeats an order.
-test-portable: $(VENV)/.installed ## the fast tests as on other processors (CORE=Haswell|Zen|SkylakeX|Prescott for one)
+test-portable: $(VENV)/.installed ## the fast tests as on other processors (CORE=Haswell|Zen|Prescott for one)
 	@$(BIN)/python scripts/portable.py $(addprefix --core ,$(CORE)) $(addprefix --seed ,$(SEED))
 
 # The C kernel with checks of every access and every operation whose result C leaves open; the normal one is not touched.

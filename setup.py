@@ -1,13 +1,11 @@
 """Build of the C kernel; everything else stands in pyproject.toml.
 
-Without a C compiler that of the wheel `ziglang` is used, which scripts/compiler.py asks for. If neither works, the
-package installs without the kernel and NumPy's serves, unless the environment says GEARSTAB_REQUIRE_KERNEL=1: then the
-build fails, as that of a wheel must.
+Without a C compiler, and on Windows, that of the wheel `ziglang` is used, which scripts/compiler.py asks for. If it
+does not work either, the build fails.
 """
 
 from __future__ import annotations
 
-import logging
 import os
 import shlex
 import sys
@@ -21,9 +19,10 @@ from pathlib import Path
 from typing import Any
 
 from setuptools import Extension, setup
+from setuptools._distutils.ccompiler import new_compiler
 from setuptools.command.build_ext import build_ext
 from setuptools.command.sdist import sdist
-from setuptools.errors import BaseError, CCompilerError
+from setuptools.errors import BaseError, CCompilerError, CompileError
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "scripts"))
 import compiler
@@ -34,11 +33,10 @@ FOLDERS = sorted({os.path.dirname(path) for path in (*SOURCES, *HEADERS)})
 
 # One binary serves every Python from 3.11 on; a build without the global lock has no stable interface yet.
 STABLE_INTERFACE = not sysconfig.get_config_var("Py_GIL_DISABLED")
-REQUIRED = os.environ.get("GEARSTAB_REQUIRE_KERNEL", "") not in ("", "0")
 
 
 class BuildKernel(build_ext):
-    """Build the kernel where that works; elsewhere say once that the NumPy kernel serves."""
+    """Build the kernel, or fail in one line."""
 
     def run(self) -> None:
         """Build all; a kernel that an earlier build left in the tree must not outlive a failed one."""
@@ -51,33 +49,50 @@ class BuildKernel(build_ext):
         with suppress(OSError):
             os.remove(self.get_ext_fullpath(ext.name))
 
+    def use_zig(self) -> None:
+        """Take zig's compiler where there is no other, and in place of Microsoft's.
+
+        Windows is untried: its Python needs to be told the size of a pointer by compilers that are not Microsoft's.
+        """
+        given = self.compiler
+        microsoft = given.compiler_type == "msvc"
+        zig = compiler.zig_instead_of([] if microsoft else given.compiler_so)
+        if not zig:
+            return
+        if microsoft:
+            self.compiler = new_compiler(compiler="unix")
+            self.compiler.set_include_dirs(given.include_dirs)
+            self.compiler.set_library_dirs(given.library_dirs)
+        system = ["-DMS_WIN64"] if os.name == "nt" else ["-fPIC"]
+        self.compiler.set_executables(
+            compiler_so=[*zig, *system, "-fno-sanitize=undefined", "-DNDEBUG", "-fwrapv"], linker_so=[*zig, "-shared"]
+        )
+
+    def get_libraries(self, ext: Extension) -> list[str]:
+        """Name the library of Python on Windows, where others than Microsoft's compiler must be told."""
+        if os.name != "nt":
+            return list(super().get_libraries(ext))
+        return ["python3" if STABLE_INTERFACE else f"python{sys.version_info.major}{sys.version_info.minor}t"]
+
     def build_extension(self, ext: Extension) -> None:
         """Build one extension, or say why not."""
-        if self.compiler.compiler_type != "msvc":
-            if zig := compiler.zig_instead_of(self.compiler.compiler_so):
-                self.compiler.set_executables(
-                    compiler_so=[*zig, "-fPIC", "-fno-sanitize=undefined", "-DNDEBUG", "-fwrapv"],
-                    linker_so=[*zig, "-shared"],
-                )
-            # Python's own flags ask for debug sections, three quarters of the library. Vectors are passed to inlined
-            # functions only, so that the convention for passing them does not matter.
-            # -O3 takes half as long again to build, for a speed that differs by rounding of the clock only, but for
-            # lists of exponents (10 %).
-            ext.extra_compile_args = ["-O2", "-g0", "-ffp-contract=fast", "-fno-math-errno", "-Wno-psabi"]
-            # After those above, as CFLAGS would not be.
-            ext.extra_compile_args += shlex.split(os.environ.get("GEARSTAB_CFLAGS", ""))
-            self.compiler.compile = side_by_side(self.compiler.compile)
+        self.use_zig()
+        # Python's own flags ask for debug sections, three quarters of the library. Vectors are passed within a file
+        # only, so that the convention for passing them does not matter. -O3 takes half as long again to build, for a
+        # speed that differs by no more than the clock does, but for lists of exponents (10 %).
+        ext.extra_compile_args = ["-O2", "-g0", "-ffp-contract=fast", "-fno-math-errno", "-Wno-psabi"]
+        # After those above, as CFLAGS would not be.
+        ext.extra_compile_args += shlex.split(os.environ.get("GEARSTAB_CFLAGS", ""))
+        self.compiler.compile = side_by_side(self.compiler.compile)
         try:
             super().build_extension(ext)
         except (CCompilerError, BaseError, OSError) as error:
             self.remove(ext)
-            if REQUIRED:
-                raise
-            logging.warning(
-                "gearstab: the compiled kernel was not built (%s); the NumPy kernel serves, with the same results. "
-                "Install a C compiler (or ziglang) and the Python headers, and install again for the faster one.",
-                str(error).splitlines()[0] if str(error) else type(error).__name__,
-            )
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise CompileError(
+                f"gearstab: its kernel cannot be compiled ({reason}): "
+                "it needs GCC, Clang or the package ziglang, and the headers of Python"
+            ) from None
 
 
 def side_by_side(compile_files: Callable[..., list[str]]) -> Callable[..., list[str]]:
@@ -116,7 +131,6 @@ def kernel() -> Extension:
         SOURCES,
         depends=HEADERS,
         include_dirs=FOLDERS,
-        optional=not REQUIRED,
         define_macros=macros + ([("Py_LIMITED_API", "0x030b0000")] if STABLE_INTERFACE else []),
         **stable,
     )

@@ -28,9 +28,9 @@ def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
     An eigensolver is right to eps times the *largest* eigenvalue: beside a shaft 1e8 times stiffer than the teeth the
     slow modes would keep eight digits. Jacobi rotations of the solver's basis give each eigenvalue the accuracy
     that the entries of the matrix allow (Demmel & Veselic 1992). Small matrices are diagonalised by Jacobi
-    rotations alone where the compiled kernel is in use.
+    rotations alone.
     """
-    if matrix.shape[-1] <= SMALL and ckernel.in_use():
+    if matrix.shape[-1] <= SMALL:
         return ckernel.symmetric_eigen(matrix)
     values, vectors = np.linalg.eigh(matrix)
     size = np.abs(values)
@@ -52,27 +52,10 @@ def _refined(matrix: Array, vectors: Array) -> tuple[Array, Array]:
         large = np.abs(np.triu(a, 1)) > 4 * np.finfo(float).eps * scale
         if not large.any():
             break
-        if ckernel.in_use():
-            vectors = vectors @ ckernel.symmetric_eigen(0.5 * (a + np.swapaxes(a, -1, -2)))[1]
-            continue
-        for p, q in np.argwhere(large.any(axis=tuple(range(large.ndim - 2)))):
-            _rotate(a, vectors, p, q)
+        vectors = vectors @ ckernel.symmetric_eigen(0.5 * (a + np.swapaxes(a, -1, -2)))[1]
     values = np.diagonal(np.swapaxes(vectors, -1, -2) @ matrix @ vectors, axis1=-2, axis2=-1)
     order = np.argsort(values, axis=-1)
     return np.take_along_axis(values, order, -1), np.take_along_axis(vectors, order[..., None, :], -1)
-
-
-def _rotate(a: Array, vectors: Array, p: int, q: int) -> None:
-    """The plane rotation that makes a_pq zero, applied in place (Golub & Van Loan, section 8.5)."""
-    with np.errstate(divide="ignore", over="ignore"):
-        tau = np.where(a[..., p, q] == 0, np.inf, 0.5 * (a[..., q, q] - a[..., p, p]) / a[..., p, q])
-    t = np.where(tau >= 0, 1.0, -1.0) / (np.abs(tau) + np.hypot(1.0, tau))
-    c = (1 / np.hypot(1.0, t))[..., None]
-    s = t[..., None] * c
-    a[..., p], a[..., q] = c * a[..., p] - s * a[..., q], s * a[..., p] + c * a[..., q]
-    a[..., p, :], a[..., q, :] = c * a[..., p, :] - s * a[..., q, :], s * a[..., p, :] + c * a[..., q, :]
-    x, y = vectors[..., p].copy(), vectors[..., q].copy()
-    vectors[..., p], vectors[..., q] = c * x - s * y, s * x + c * y
 
 
 def mass_factor(mass: Array) -> Array:

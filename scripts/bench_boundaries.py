@@ -1,12 +1,4 @@
-"""Exact boundaries of the compiled search, with names, beside the NumPy search that it is tested against; and the times
-that are aimed at beside those that are taken.
-
-Of R = 3/5 the two differ in one gap and one order of names. At epsilon 4/13 forty digits show a stable gap of 7e-8 of
-the speed, narrower than the width floor: the compiled search keeps it, the other one joins the two regions beside it,
-as the compiled one does over other ranges. A floor of 1e-8 keeps it always.
-At epsilon 9/52 a merged region has the names 2w2 and 3w3/4, whose shares of 0.9800 and 0.9808 the compiled search
-tells apart; in the other one, with 0.9804, they are equal in three digits, and the order is that of the modes.
-"""
+"""Exact boundaries with names: the times that are aimed at beside those that are taken."""
 
 from __future__ import annotations
 
@@ -25,17 +17,15 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from gearstab import ckernel
 from gearstab.config import load
 from gearstab.floquet.boundaries import Boundaries, boundaries
-from gearstab.floquet.kernel.choice import using
 from gearstab.sweep import plan
 from gearstab.system import GearSystem
 from gearstab.systems import build
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 REPEATS = 3
-SAME = 1e-8
-"""Relative distance within which two edges are of one region."""
 
 
 def train(ratio: str, epsilon: np.ndarray, damping_ratio: float = 0.0) -> GearSystem:
@@ -58,52 +48,15 @@ def configured(name: str) -> tuple[GearSystem, float, float]:
     return planned.base, *planned.mesh_frequency_range
 
 
-def measured(system: GearSystem, start: float, stop: float, kernel: str, repeats: int) -> tuple[Boundaries, float]:
+def measured(system: GearSystem, start: float, stop: float, repeats: int) -> tuple[Boundaries, float]:
     """What is found and the CPU time of a row in milliseconds, the least of so many runs."""
     best = np.inf
-    with using(kernel=kernel, threads=1):
+    with ckernel.using(threads=1):
         for _ in range(repeats):
             begin = process_time()
             found = boundaries(system, start, stop)
             best = min(best, process_time() - begin)
     return found, 1e3 * best / found.rows
-
-
-def differing(found: Boundaries, known: Boundaries) -> tuple[int, int]:
-    """Regions of which the other search has none, and regions with other names."""
-    left, names = 0, 0
-    own, other = found.labels(), known.labels()
-    for row in range(found.rows):
-        mine, theirs = np.flatnonzero(found.row == row), np.flatnonzero(known.row == row)
-        for k in mine:
-            apart = np.abs(known.lower[theirs] / found.lower[k] - 1) + np.abs(known.upper[theirs] / found.upper[k] - 1)
-            if len(apart) == 0 or apart.min() > SAME:
-                left += 1
-            elif own[k] != other[theirs[apart.argmin()]]:
-                names += 1
-    return left, names
-
-
-def compare() -> None:
-    """Print the speeds of both searches and their ratio."""
-    table = Table(title="Instability boundaries with names, CPU time of a row")
-    for heading in (
-        "",
-        "regions",
-        "compiled, ms",
-        "NumPy, ms",
-        "times faster",
-        "regions that differ",
-        "names that differ",
-    ):
-        table.add_column(heading, justify="left" if not heading else "right")
-    for title, ratio, start, rows in (("one mesh frequency", "1", 0.35, 101), ("R = 3/5", "3/5", 0.35, 26)):
-        found, time = measured(train(ratio, rising(rows)), start, 7.0, "c", REPEATS)
-        known, slow = measured(train(ratio, rising(rows)), start, 7.0, "numpy", 1)
-        left, names = differing(found, known)
-        numbers = (f"{time:.3g}", f"{slow:.3g}", f"{slow / time:.3g}", str(left), str(names))
-        table.add_row(title, f"{len(found.row) / found.rows:.1f}", *numbers)
-    Console(width=110).print(table)
 
 
 def check_time() -> float:
@@ -134,7 +87,7 @@ def aims() -> None:
         ("R = 99/100, 1 % damping", 5e3, (train("99/100", mild, 0.01), 0.35, 7.0), REPEATS),
     )
     for title, aim, scene, repeats in scenes:
-        found, time = measured(*scene, "c", repeats)
+        found, time = measured(*scene, repeats)
         damped = scene[0].damping is not None
         proved = f"{100 * float(found.stable_share(found.proved).min()):.3f} %" if damped else ""
         table.add_row(title, f"{time:.3g}", f"{aim:g}", f"{time / aim:.2f}", proved)
@@ -145,7 +98,6 @@ def aims() -> None:
 
 def main() -> None:
     """Print both tables."""
-    compare()
     aims()
 
 

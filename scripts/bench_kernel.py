@@ -32,13 +32,15 @@ from scipy.linalg import expm
 
 from gearstab import ckernel
 from gearstab.floquet import solve
-from gearstab.floquet.kernel import c_kernel, damped, numpy_kernel
-from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import c_kernel, damped
 from gearstab.floquet.kernel.invariants import DOUBTFUL
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import Array, GearSystem, Mesh
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
+
+sys.path.append(str(Path(__file__).parent.parent / "tests" / "reference" / "kernel"))
+import numpy_kernel
 
 ACCURATE = 1e-10
 """Tolerance of DOP853 that leaves 1e-10..5e-9 on rho = lambda + 1/lambda of the train (Omega from 0.35 to 6.5)."""
@@ -162,7 +164,6 @@ def closed_form(ratio: str, goals: tuple[float | None, ...], rounds: int) -> Non
     row = omega[0]
     ways = [
         Way("compiled", omega.size, lambda: c_kernel.scan(pattern, omega, 1)),
-        Way("NumPy kernel", row.size, lambda: numpy_kernel.scan(pattern.row(0), omega[:1])),
         Way("NumPy product + eigvals", row.size, lambda: numpy_eigenvalues(pattern, row), goals[0]),
         Way("expm product", 20, lambda: expm_product(pattern, row[::50]), goals[1]),
         Way("DOP853, broken at the jumps", 2, lambda: integrate(pattern, row[::500]), goals[2]),
@@ -251,15 +252,11 @@ def moved_traces(rounds: int) -> None:
     fine = rng.normal(size=(40, 1024, 3)) + 0j
     coarse, least = fine + 1e-9, np.full(1024, 1e-13)
 
-    def work(of: ModuleType) -> None:
-        of.trace_change(fine, coarse, 1.5)
-        of.trace_condition(fine[0], least)
+    def work() -> None:
+        c_kernel.trace_change(fine, coarse, 1.5)
+        c_kernel.trace_condition(fine[0], least)
 
-    ways = [
-        Way("compiled", fine[..., 0].size, lambda: work(c_kernel)),
-        Way("NumPy kernel", fine[..., 0].size, lambda: work(numpy_kernel)),
-    ]
-    compare("moved traces, n = 3", ways, rounds)
+    compare("moved traces, n = 3", [Way("compiled", fine[..., 0].size, work)], rounds)
 
 
 def general_damping(rounds: int) -> None:
@@ -267,10 +264,8 @@ def general_damping(rounds: int) -> None:
     (pattern,) = prepare(train("1", ROWS, {"damping": {"modal": [0.01, 0.02, 0.05]}}))
     generator = damped.generators(pattern, pattern.elastic.damping)  # type: ignore[arg-type]
     omega = np.linspace(0.35, 7, 1000) / pattern.elastic.rate[:, None]
-    one, alone = pattern.row(0), generator.row(0)
     ways = [
         Way("compiled", omega.size, lambda: c_kernel.scan_damped(pattern, generator, omega, 1)),
-        Way("NumPy kernel", 1000, lambda: numpy_kernel.scan_damped(one, alone, omega[:1])),
         Way("expm product", 20, lambda: expm_product(pattern, omega[0, ::50]), 1200),
     ]
     compare("n = 3, general damping, 4 segments", ways, rounds)
@@ -284,7 +279,6 @@ def strong_damping(rounds: int) -> None:
     omega = np.geomspace(0.35, 7, 1600)[None] / pattern.elastic.rate[:, None]
     ways = [
         Way("compiled", omega.size, lambda: c_kernel.log_multipliers_damped(pattern, generator, omega, 1)),
-        Way("NumPy kernel", 100, lambda: numpy_kernel.log_multipliers_damped(pattern, generator, omega[:, ::16])),
     ]
     compare("n = 3, strong damping, all exponents", ways, rounds)
 
@@ -326,22 +320,19 @@ def whole_map(rounds: int) -> None:
 
 def main() -> None:
     """All comparisons."""
-    if ckernel.library is None:
-        sys.exit("the compiled kernel was not built")
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 9
     os.environ["GEARSTAB_THREADS"] = "1"
     print(f"vector instructions: {ckernel.simd()}; medians of {rounds} rounds\n")
-    with kernel.using("c"):
-        closed_form("1", (100, 2000, 40000), rounds)
-        closed_form("3/5", (75, None, None), rounds)
-        preparation(rounds)
-        general_damping(rounds)
-        strong_damping(rounds)
-        many_coordinates(rounds)
-        whole_map(rounds)
-        moved_traces(rounds)
-        threads(rounds)
-        shares()
+    closed_form("1", (100, 2000, 40000), rounds)
+    closed_form("3/5", (75, None, None), rounds)
+    preparation(rounds)
+    general_damping(rounds)
+    strong_damping(rounds)
+    many_coordinates(rounds)
+    whole_map(rounds)
+    moved_traces(rounds)
+    threads(rounds)
+    shares()
 
 
 if __name__ == "__main__":

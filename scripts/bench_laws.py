@@ -24,7 +24,6 @@ from rich.table import Column, Table
 from gearstab import ckernel
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular
 
@@ -148,7 +147,7 @@ def threads() -> None:
 
         def work(batch: GearSystem = batch, clock: list[float] = clock, count: int = count) -> None:
             start = time.perf_counter()
-            with kernel.using("c", count):
+            with ckernel.using(count):
                 solve(batch, np.linspace(0.7, 6.0, 200))
             clock.append(time.perf_counter() - start)
 
@@ -164,7 +163,7 @@ def threads() -> None:
 def main() -> None:
     """Print all tables."""
     print(f"{platform.machine()}, vector instructions: {ckernel.simd()}")
-    with kernel.using("c", 1):
+    with ckernel.using(1):
         coordinates()
         periods()
     threads()

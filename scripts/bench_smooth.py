@@ -21,7 +21,6 @@ from gearstab.bench.scene import Scene
 from gearstab.bench.smooth_methods import integration, periods
 from gearstab.config import load
 from gearstab.floquet import solve
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.system import Array
 from gearstab.systems import build
 
@@ -112,7 +111,7 @@ def main() -> None:
             table.add_row(
                 name, f"{rows} x {points}", f"{1e6 * fast:.2f}", f"{1e3 * slow:.2f}", f"{slow / fast:.0f}"
             )  # fmt: skip
-    Console(width=100).print(table, f"{kernel.name()} kernel", highlight=False)
+    Console(width=100).print(table)
 
 
 if __name__ == "__main__":

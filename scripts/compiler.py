@@ -22,8 +22,10 @@ ZIG = "ziglang>=0.15"
 
 def requirements() -> list[str]:
     """Return what a build needs beside setuptools: nothing where there is a C compiler."""
-    words = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "")
     # Windows: Microsoft's compiler lacks the vector extensions of GCC and Clang in which the kernel is written.
+    if os.name == "nt":
+        return [ZIG]
+    words = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "")
     return [] if words and shutil.which(words[0]) else [ZIG]
 
 

@@ -5,8 +5,8 @@ python scripts/portable.py [--core NAME]... [--seed SEED] [PYTEST OPTIONS]
 What is computed must not hang on how a processor rounds. OpenBLAS has kernels for many and can be told which to take,
 and so can the kernel of gearstab. Not every combination runs, but each value of either does once:
 
-    OPENBLAS_CORETYPE   Haswell   Zen    SkylakeX   Prescott
-    kernel              avx512    avx2   plain      numpy
+    OPENBLAS_CORETYPE   Haswell   Zen    Prescott
+    kernel              avx512    avx2   plain
 
 What this processor does not offer is left to its default and said so.
 """
@@ -22,15 +22,13 @@ import time
 COMBINATIONS = {
     "Haswell": {"GEARSTAB_SIMD": "avx512"},
     "Zen": {"GEARSTAB_SIMD": "avx2"},
-    "SkylakeX": {"GEARSTAB_SIMD": "plain"},
-    "Prescott": {"GEARSTAB_KERNEL": "numpy"},
+    "Prescott": {"GEARSTAB_SIMD": "plain"},
 }
 CORE = "OPENBLAS_CORETYPE"
 PROBE = {
     # Instructions that a processor does not have end a process.
     CORE: "import numpy as np; a = np.eye(200) + 1e-3; np.linalg.eigh(a @ a); np.linalg.solve(a, a)",
-    "GEARSTAB_SIMD": "from gearstab import ckernel; ckernel.checked()",
-    "GEARSTAB_KERNEL": "from gearstab import ckernel; ckernel.checked()",
+    "GEARSTAB_SIMD": "from gearstab import ckernel; ckernel.check()",
 }
 """Programs that fail where a setting is not possible."""
 
@@ -63,7 +61,7 @@ def main() -> int:
     parser.add_argument("--core", action="append", choices=COMBINATIONS, help="only this one; may be repeated")
     parser.add_argument("--seed", type=int, default=int(time.time()), help="of the order; default: another every time")
     asked, options = parser.parse_known_args()
-    for name in (CORE, "GEARSTAB_SIMD", "GEARSTAB_KERNEL"):
+    for name in (CORE, "GEARSTAB_SIMD"):
         os.environ.pop(name, None)
     outcomes = []
     for core in asked.core or COMBINATIONS:

@@ -14,8 +14,6 @@ from scipy.linalg import expm
 
 from gearstab.bench import smooth_methods as smooth
 from gearstab.bench.scene import Scene
-from gearstab.floquet.kernel import choice as kernel
-from gearstab.floquet.kernel import numpy_kernel
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.system import Array
 
@@ -40,9 +38,17 @@ class Entry:
 def batched_eigenvalues(scene: Scene, omega: Array, _: float) -> Array:
     """Batched NumPy products of the segments' propagators, then numpy.linalg.eigvals of all monodromy matrices."""
     (pattern,) = prepare(scene.system)
-    matrix, scale = numpy_kernel.monodromy(pattern, 0, omega / pattern.elastic.rate[0])
-    growth = np.log(np.abs(np.linalg.eigvals(matrix)).max(axis=-1)) + scale
-    return growth - float(pattern.elastic.shift[0]) * 2 * np.pi * pattern.cycles * pattern.elastic.rate[0] / omega
+    elastic, turns = pattern.elastic, 2 * np.pi * pattern.cycles / omega[:, None]
+    product = np.eye(2 * pattern.size)
+    for s, state in enumerate(pattern.states):
+        w = np.sqrt(pattern.squared_frequency[0, state].astype(complex))
+        time = float(elastic.rate[0]) * pattern.fractions[0, s] * turns
+        change = pattern.change(s)[0] if len(pattern.states) > 1 else np.eye(pattern.size)
+        terms = np.cos(w * time), time * np.sinc(w * time / np.pi), -w * np.sin(w * time)
+        cosine, over, times = (change * term.real[:, None, :] for term in terms)
+        product = np.block([[cosine, over], [times, cosine]]) @ product
+    growth = np.log(np.abs(np.linalg.eigvals(product)).max(axis=-1))
+    return np.asarray(growth - float(elastic.shift[0] * elastic.rate[0]) * turns[:, 0])
 
 
 def exponential_products(scene: Scene, omega: Array, _: float) -> Array:
@@ -72,7 +78,7 @@ def _without_terms(scene: Scene) -> bool:
 INTEGRATOR_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 
 METHODS: tuple[Entry, ...] = (
-    *(Entry(f"exact, {name} kernel", smooth.product(name), batch=True, fits=_constant) for name in kernel.available()),
+    Entry("exact", smooth.product, batch=True, fits=_constant),
     Entry(
         "NumPy products + eigvals",
         batched_eigenvalues,
@@ -84,13 +90,10 @@ METHODS: tuple[Entry, ...] = (
     Entry("RK45, broken at jumps", smooth.integration("RK45", True), INTEGRATOR_TOLERANCES[:4], fits=_constant),
     Entry("DOP853, unbroken", smooth.integration("DOP853", False), INTEGRATOR_TOLERANCES, fits=_constant),
     Entry("RK45, unbroken", smooth.integration("RK45", False), INTEGRATOR_TOLERANCES[:4], fits=_constant),
-    *(
-        Entry(f"Magnus, {name} kernel", smooth.product(name), INTEGRATOR_TOLERANCES, batch=True, fits=_without_terms)
-        for name in kernel.available()
-    ),
+    Entry("Magnus", smooth.product, INTEGRATOR_TOLERANCES, batch=True, fits=_without_terms),
     Entry(
         "Magnus of the first-order form",
-        smooth.product("numpy"),
+        smooth.product,
         INTEGRATOR_TOLERANCES,
         batch=True,
         fits=lambda scene: bool(scene.system.terms),

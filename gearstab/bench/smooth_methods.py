@@ -14,7 +14,6 @@ from scipy.integrate import solve_ivp
 
 from gearstab.bench.scene import Scene
 from gearstab.floquet import solve
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.system import Array
 
 Method = Callable[[Scene, Array, float], Array]
@@ -30,15 +29,10 @@ def periods(scene: Scene, omega: Array) -> Array:
     return 2 * np.pi * scene.cycles / omega
 
 
-def product(name: str) -> Method:
-    """The product's own way, to a tolerance of the multipliers where it is not exact, with one of its kernels."""
-
-    def run(scene: Scene, omega: Array, tolerance: float) -> Array:
-        with kernel.using(name):
-            found = solve(scene.system, omega, tolerance=tolerance)
-        return found.growth_rate[0] * periods(scene, omega)
-
-    return run
+def product(scene: Scene, omega: Array, tolerance: float) -> Array:
+    """The product's own way, to a tolerance of the multipliers where it is not exact."""
+    found = solve(scene.system, omega, tolerance=tolerance)
+    return found.growth_rate[0] * periods(scene, omega)
 
 
 def _growth(matrix: Array) -> float:

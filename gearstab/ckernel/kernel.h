@@ -15,8 +15,8 @@ int gearstab_stopped(void);
 
 enum verdict { UNSTABLE = 0, STABLE = 1, DOUBTFUL = 2 };
 
-/* Thresholds that decide verdicts; Python gives them, so that both kernels have the same: edge, discriminant and growth
-   noise and the largest coefficient of invariants.py, and numpy_kernel.LARGE. */
+/* Thresholds that decide verdicts; Python gives them: edge, discriminant and growth noise and the largest coefficient
+   of invariants.py, and c_kernel.LARGE. */
 struct limits {
     double edge, discriminant, growth, coefficient, large;
 };
@@ -213,7 +213,10 @@ struct level {
 #define RUN_OF_POINTS 8 /* a thread takes so many of a row, LANES at most: results do not hang on how many there are */
 
 /* An edge of an instability region of a row: where (in 1/omega) and how precisely; enters: from stable to unstable as the
-   period grows; passed: collisions before it, or after an exit, at 1, at -1 and elsewhere. */
+   period grows; passed: collisions before it, or after an exit, at 1, at -1 and elsewhere. Or, with enters BEFORE and AFTER, two
+   stable points less than a floor apart with a collision between them. */
+enum { BEFORE = 2, AFTER = 3 };
+
 struct edge {
     int64_t row;
     double cycle, error;
@@ -230,6 +233,7 @@ struct order {
     const struct level *level;
     const struct conservative *exact, *coarse; /* that of the matrices, and one with the same rotation counts */
     double tolerance, floor; /* of an edge and of a region, relative */
+    double gap;              /* the same of a stable gap between two regions; below the floor collisions are listed as well */
     double density;          /* points of the scan a collision */
 };
 
@@ -238,7 +242,8 @@ struct order {
 int gearstab_edges(const struct order *order, int64_t first, int64_t last, const double *start, const double *stop,
                    struct edge **edges, int64_t *count, struct reach *reach);
 
-/* Regions that await their names, ordered by row: see class Unnamed of labels.py. */
+/* Regions that await their names, ordered by row: where they are, what solutions inside share of, and how many collisions of each
+   class lie below and inside them. */
 struct regions {
     int64_t count, rows, n, shares;
     double cycles;               /* N */

@@ -47,17 +47,15 @@ def command(
     prepare(target)
     from gearstab.bench import measure
     from gearstab.bench.output import bench_group, table
-    from gearstab.floquet.kernel import choice as kernel
     from gearstab.results import Group, ResultTree, write_result
     from gearstab.results.guard import BENCH
     from gearstab.results.provenance import modes_group, root_attributes
     from gearstab.systems import build
 
-    with kernel.recorded() as ran:
-        found = measure(scene, points, seconds, lambda text: None if quiet else tell(f"measuring: {text}"))
+    found = measure(scene, points, seconds, lambda text: None if quiet else tell(f"measuring: {text}"))
     say(table(found, points))
     groups = {"modes": modes_group(build(loaded.parameters)), "bench": bench_group(scene, points, found)}
-    write_result(target, ResultTree(Group((), root_attributes(BENCH, loaded, kernel.said(ran))), groups))
+    write_result(target, ResultTree(Group((), root_attributes(BENCH, loaded)), groups))
     if not quiet:
         tell(f"written: {target}")
     if not no_plot:

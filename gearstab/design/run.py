@@ -55,7 +55,6 @@ def design(config: Config, say: Callable[[str], None] = lambda text: None) -> Re
     from gearstab.design.problem import DesignProblem
     from gearstab.design.result import group
     from gearstab.design.solution import solved
-    from gearstab.floquet.kernel import choice as kernel
     from gearstab.results import Group, ResultTree
     from gearstab.results.guard import DESIGN
     from gearstab.results.provenance import modes_group, root_attributes
@@ -63,7 +62,6 @@ def design(config: Config, say: Callable[[str], None] = lambda text: None) -> Re
     if config.design is None:
         raise ValueError("the configuration has no section design")
     check(config)
-    with kernel.recorded() as ran:
-        solution = solved(DesignProblem(config, config.design), say)
-        groups = {"modes": modes_group(solution.initial_system), "design": group(solution)}
-    return ResultTree(Group((), root_attributes(DESIGN, config, kernel.said(ran))), groups)
+    solution = solved(DesignProblem(config, config.design), say)
+    groups = {"modes": modes_group(solution.initial_system), "design": group(solution)}
+    return ResultTree(Group((), root_attributes(DESIGN, config)), groups)

@@ -21,7 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import Block, split
 from gearstab.floquet.segments.pattern import Pattern, prepare
@@ -255,5 +255,5 @@ def growth_of(pattern: Pattern, omega: Array) -> Array:
     """Growth a period ``(r, P)``, positive where unstable."""
     assert pattern.elastic.damping is not None
     generator = damped.generators(pattern, pattern.elastic.damping)
-    growth: Array = kernel.current().scan_damped(pattern, generator, omega)[0]
+    growth: Array = kernel.scan_damped(pattern, generator, omega)[0]
     return growth - DAMPED_ON_CIRCLE

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.floquet.kernel import choice as kernel
-from gearstab.floquet.kernel import damped, decision, numpy_kernel
+from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel import damped, decision, factors
 from gearstab.floquet.kernel.invariants import STABLE
 from gearstab.floquet.segments.blocks import Block
 from gearstab.floquet.segments.pattern import Pattern
@@ -100,7 +100,7 @@ def conservative(part: OperatingPoints, exponents: bool, into: FloquetStability 
     pattern, elastic = part.pattern, part.pattern.elastic
     place = np.arange(len(pattern.rows)) if into is None else pattern.rows
     result = empty(*part.shape) if into is None else into
-    rows, points = kernel.current().rates(pattern, part.mesh_frequency, place, result.stable, result.growth_rate)
+    rows, points = kernel.rates(pattern, part.mesh_frequency, place, result.stable, result.growth_rate)
     if (negative := part.negative).any():
         result.status[place[negative]] = STATUS_FLAGS["negative_stiffness"]
     for row, point in pieces(rows, points, pattern.size):
@@ -108,8 +108,10 @@ def conservative(part: OperatingPoints, exponents: bool, into: FloquetStability 
         omega = np.broadcast_to(part.mesh_frequency, part.shape)[row, point] / rate
         verdict, growth, bits = decide_doubtful(pattern, row, omega)
         period, target = 2 * np.pi * pattern.cycles / omega, (place[row], point)
-        value, stable = numpy_kernel.in_units(growth, verdict == STABLE, period, shift, rate)
-        result.growth_rate[target], result.stable[target] = value, stable
+        value = growth / period
+        # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
+        result.stable[target] = np.where(shift == 0, verdict == STABLE, value <= shift)
+        result.growth_rate[target] = (value - shift) * rate
         result.status[target] |= bits
         lost = ~np.isfinite(value)
         mark_failed(result, (place[row[lost]], point[lost]))
@@ -131,14 +133,14 @@ def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Arr
 
 def pieces(rows: Array, points: Array, size: int) -> Iterator[tuple[Array, Array]]:
     """(row, point) of chosen points ``(Q,)``, in pieces whose monodromy matrices fit in memory."""
-    step = max(1, numpy_kernel.ENTRIES_AT_ONCE // (2 * size) ** 2)
+    step = max(1, factors.ENTRIES_AT_ONCE // (2 * size) ** 2)
     for i in range(0, len(rows), step):
         yield rows[i : i + step], points[i : i + step]
 
 
 def decide_doubtful(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
     """(verdict, growth, status bits) of points in doubt ``(P,)``, from their monodromy matrices."""
-    matrix, scale = kernel.current().monodromy(pattern, rows, omega)
+    matrix, scale = kernel.monodromy(pattern, rows, omega)
     status = np.full(len(omega), STATUS_FLAGS["eigenvalues"], dtype=np.int16)
     finite = np.isfinite(matrix).all(axis=(1, 2))
     matrix = np.where(finite[:, None, None], matrix, 0.0)
@@ -155,9 +157,9 @@ def decide_doubtful(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array,
 
 def conservative_logs(pattern: Pattern, omega: Array) -> Array:
     """ln lambda ``(r, P, 2n)``; the product is formed only where that costs no digits."""
-    logs = kernel.current().log_multipliers(pattern, omega, GRADED_NORM)
-    for row, wide in numpy_kernel.chains(np.isnan(logs).any(axis=2), pattern):
-        logs[row, wide] = kernel.current().graded(numpy_kernel.factors(pattern, row, omega[row, wide]))
+    logs = kernel.log_multipliers(pattern, omega, GRADED_NORM)
+    for row, wide in factors.chains(np.isnan(logs).any(axis=2), pattern):
+        logs[row, wide] = kernel.graded(factors.factors(pattern, row, omega[row, wide]))
     return logs
 
 
@@ -165,9 +167,9 @@ def with_damping(part: OperatingPoints, damping: Array, exponents: bool) -> Floq
     """A block with damping of its own."""
     pattern, omega = part.pattern, part.omega
     generator = damped.generators(pattern, damping)
-    growth, scale = kernel.current().scan_damped(pattern, generator, omega)
+    growth, scale = kernel.scan_damped(pattern, generator, omega)
     status = part.status()
-    status[np.abs(scale) > np.log(numpy_kernel.LARGE)] |= STATUS_FLAGS["rescaled"]
+    status[np.abs(scale) > np.log(kernel.LARGE)] |= STATUS_FLAGS["rescaled"]
     growth, stable = decided(growth, part.period, DAMPED_ON_CIRCLE)
     rate = pattern.elastic.rate[:, None]
     table = _damped_table(pattern, generator, omega) * rate[..., None] if exponents else None
@@ -181,5 +183,5 @@ def damped_exponents(pattern: Pattern, damping: Array, omega: Array) -> Array:
 
 def _damped_table(pattern: Pattern, generator: damped.Generators, omega: Array) -> Array:
     """ln lambda over the period."""
-    logs = kernel.current().log_multipliers_damped(pattern, generator, omega)
+    logs = kernel.log_multipliers_damped(pattern, generator, omega)
     return np.asarray(logs / (2 * np.pi * pattern.cycles / omega)[..., None])

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.blocks import Block, split, whole
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
@@ -51,25 +50,22 @@ def solve(
     if system.general:
         from gearstab.floquet import general
 
-        kernel.record(kernel.name())
         return general.analyse(system, omega, exponents, tolerance)
     error = None if system.piecewise_constant else np.zeros(omega.shape)
     table = _Exponents(omega.shape, 2 * system.size) if exponents else None
     result = _Result(omega)
-    with kernel.recorded() as ran:
-        for block, found in _solutions(system, omega, exponents, reduction, tolerance, result):
-            result.add(block, found)
-            index = block.pattern.rows
-            if error is not None and found.error_estimate is not None:
-                error[index] = np.maximum(error[index], found.error_estimate)
-            if table is not None and found.exponents is not None:
-                table.add(block, found.exponents)
+    for block, found in _solutions(system, omega, exponents, reduction, tolerance, result):
+        result.add(block, found)
+        index = block.pattern.rows
+        if error is not None and found.error_estimate is not None:
+            error[index] = np.maximum(error[index], found.error_estimate)
+        if table is not None and found.exponents is not None:
+            table.add(block, found.exponents)
     result.mark_failed()
     return replace(
         result.whole,
         exponents=None if table is None else settled(table.values, result.whole.stable),
         error_estimate=error,
-        kernel=kernel.said(ran),
     )
 
 

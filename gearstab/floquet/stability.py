@@ -35,7 +35,6 @@ class FloquetStability:
     error_estimate: the largest error of all multipliers, relative to the largest of them or 1, as estimated; None where
         the propagation is exact and all error is rounding. Where the largest multiplier is not below 1, growth_rate T
         is wrong by no more than this.
-    kernel: which kernel ran, ``none`` where nothing varies.
     interval: half-width of the confidence interval of a growth rate that is a Lyapunov exponent, 1/time.
     by_mesh: ``(rows, P, groups)``, the growth rate with one mesh frequency alone, in the order of
         :func:`~gearstab.floquet.frequencies.groups`.
@@ -46,7 +45,6 @@ class FloquetStability:
     status: Array
     exponents: Array | None = None
     error_estimate: Array | None = None
-    kernel: str | None = None
     interval: Array | None = None
     by_mesh: Array | None = None
 

@@ -129,9 +129,7 @@ class Floquet(Restricted):
 
     @property
     def parallel(self) -> bool:
-        from gearstab.floquet.kernel import choice as kernel
-
-        return kernel.name() == "c" and self.strategy.name != "lyapunov"
+        return self.strategy.name != "lyapunov"
 
     def variables(self) -> tuple[Variable, ...]:
         from gearstab.floquet import STATUS_FLAGS
@@ -285,10 +283,8 @@ class Orbits(Floquet):
         return replace(found, values={**found.values, **{v.name: nothing for v in ORBITS}})
 
     def _orbits(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.floquet.kernel import choice as kernel
         from gearstab.response.rotating_pair.stability import stability
 
-        kernel.record("numpy")
         found = stability(self.system, mesh_frequency)
         unit = np.ravel(np.broadcast_to(self.system.numbers.k0, self.system.batch))[:, None]
         values = {

@@ -1,4 +1,4 @@
-"""What many Magnus steps make together, and its eigenvalues: compiled where that kernel is in use, else in NumPy."""
+"""Products of many Magnus steps, and their eigenvalues."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.propagation.magnus import expm, exponent
 from gearstab.system import Array
 
 SHORT = 100.0
@@ -46,26 +45,14 @@ def propagated(steps: MagnusSteps, period: Array, matrix: Array, scale: Array) -
     The new matrices have entries of about one. matrix: ``(P, m, m)``. scale: ``(P,)``.
     """
     growth = steps.growth(float(np.max(period, initial=0.0)))
-    if ckernel.in_use() and matrix.shape[-1]:
-        return ckernel.magnus_steps(steps.coefficients, steps.length, growth, period, matrix, scale)
-    for coefficients, length, taken in zip(steps.coefficients, steps.length, growth, strict=True):
-        step = length * period
-        shift = (taken * step)[:, None, None] * np.eye(matrix.shape[-1])
-        matrix = expm(exponent(coefficients, step) - shift) @ matrix
-        size = np.abs(matrix).max(axis=(1, 2), initial=0.0)
-        size = np.where((size > 0) & np.isfinite(size), size, 1.0)
-        matrix = matrix / size[:, None, None]
-        scale = scale + taken * step + np.log(size)
-    return matrix, scale
+    if matrix.shape[-1] == 0:
+        return matrix, scale
+    return ckernel.magnus_steps(steps.coefficients, steps.length, growth, period, matrix, scale)
 
 
 def eigenvalues(matrix: Array) -> Array:
     """Return all eigenvalues ``(P, m)``, complex, of matrices of entries of about one; NaN where one is not finite."""
-    if ckernel.in_use() and matrix.shape[-1]:
-        return ckernel.eigenvalues(matrix)
-    finite = np.isfinite(matrix).all(axis=(1, 2))
-    found = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0)).astype(complex)
-    return np.where(finite[:, None], found, np.nan)
+    return ckernel.eigenvalues(matrix) if matrix.shape[-1] else np.empty(matrix.shape[:2], dtype=complex)
 
 
 def product(matrices: Array) -> tuple[Array, Array]:

@@ -6,7 +6,6 @@ from math import ceil, tau
 
 import numpy as np
 
-from gearstab import ckernel
 from gearstab.modal import mean_modes
 from gearstab.propagation.path import Path
 from gearstab.response.backlash.dynamics import REACH
@@ -20,8 +19,8 @@ from gearstab.system import GearSystem
 
 LONG = 20.0
 """Seconds from which on it is said."""
-PIECE = {"c": 2e-6, "numpy": 1e-4}
-"""Seconds of a piece of a motion with backlash, by the kernel in use; measured on two coordinates."""
+PIECE = 2e-6
+"""Seconds of a piece of a motion with backlash; measured on two coordinates."""
 ENTRY = 2e-8
 """Seconds of an entry of its generator."""
 NORM = 1.2
@@ -50,7 +49,7 @@ def motion_with_backlash(system: GearSystem, duration: float) -> str | None:
     """
     fastest = _fastest(system)
     pieces = NORM * duration * fastest / REACH
-    seconds = pieces * (PIECE[ckernel.name()] + ENTRY * (2 * system.size + 1) ** 2)
+    seconds = pieces * (PIECE + ENTRY * (2 * system.size + 1) ** 2)
     return said(seconds, f"the fastest mode vibrates {duration * fastest / tau:.2g} times meanwhile")
 
 

@@ -45,7 +45,7 @@ def response(config: Config, wanted: PairRespond) -> tuple[PairResponse, ResultT
     duration = inf if wanted.duration is None else wanted.duration
     found = respond(pair, start, step, duration, wanted.cycles, MOST_SAMPLES, drive)
     group = _group(wanted, pair, found, step, {"holding_torque": drive} if wanted.hold_speed else {})
-    root = Group((), root_attributes(RESPOND, config, "none"))
+    root = Group((), root_attributes(RESPOND, config))
     return found, ResultTree(root, {"modes": modes_group(pair), "response": group})
 
 

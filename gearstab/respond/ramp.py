@@ -74,7 +74,7 @@ def response(config: Config, wanted: Respond, system: GearSystem) -> tuple[RampR
     table = in_units_of(system, flagged(RAMP_RESPONSE, RESPONSE_FLAGS))
     table = (_speed(wanted.axis, system), *(_over(variable, wanted.axis) for variable in table))
     fields = fields_of(table, values)
-    root = Group((), root_attributes(RESPOND, config, "none"))
+    root = Group((), root_attributes(RESPOND, config))
     return found, ResultTree(root, {"modes": modes_group(system), "response": Group(fields, said)})
 
 

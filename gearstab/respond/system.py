@@ -11,7 +11,6 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.config.document.codes import Code
 from gearstab.errors import NotPossible
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.respond import effort, ramp, tooth_loads
 from gearstab.response import (
     RESPONSE_FLAGS,
@@ -62,11 +61,10 @@ def response(
         if backlash.has_backlash(system):
             parting = _parting(wanted, system)
             return parting, _backlash_result(config, wanted, system, parting)
-        with kernel.recorded() as ran:
-            found = (_steady if wanted.steady_state else _history)(wanted, system)
+        found = (_steady if wanted.steady_state else _history)(wanted, system)
     except NotPossible as error:
         _refuse(config, ("respond",), "impossible", error.message, error.remedy)
-    return found, _linear_result(config, wanted, system, found, kernel.said(ran))
+    return found, _linear_result(config, wanted, system, found)
 
 
 def _effort(config: Config, wanted: Respond, system: GearSystem) -> str | None:
@@ -150,7 +148,7 @@ def _refuse(config: Config, path: tuple[str, ...], code: Code, message: str, hin
     raise ConfigError([config.problem(path, code, message, hint)])
 
 
-def _linear_result(config: Config, wanted: Respond, system: GearSystem, found: Response, ran: str) -> ResultTree:
+def _linear_result(config: Config, wanted: Respond, system: GearSystem, found: Response) -> ResultTree:
     kept = len(found.time)
     if wanted.stored_cycles is not None:
         kept = min(kept, round(wanted.stored_cycles * wanted.samples_per_cycle) + 1)
@@ -164,7 +162,7 @@ def _linear_result(config: Config, wanted: Respond, system: GearSystem, found: R
         f"{kind}; growth_rate: largest real part of the characteristic exponents{in_brackets(system, '1/s')}; "
         f"largest_multiplier: growth over a common_period{in_brackets(system, 's')} of all that varies and drives"
     )
-    return _tree(config, wanted, system, found, table, values | loads, {"comment": comment}, ran)
+    return _tree(config, wanted, system, found, table, values | loads, {"comment": comment})
 
 
 def _backlash_result(config: Config, wanted: Respond, system: GearSystem, found: BacklashResponse) -> ResultTree:
@@ -192,14 +190,14 @@ def _backlash_result(config: Config, wanted: Respond, system: GearSystem, found:
         attributes |= {"settled_from": cycle.begin, "settled_until": cycle.end}
         attributes |= {"period": cycle.period, "section_difference": cycle.difference}
     table = flagged(BACKLASH_RESPONSE, backlash.BACKLASH_FLAGS)
-    return _tree(config, wanted, system, found, table, values, attributes, "none")
+    return _tree(config, wanted, system, found, table, values, attributes)
 
 
 def _tree(
     config: Config, wanted: Respond, system: GearSystem, found: Response, table: Sequence[Variable],
-    values: Mapping[str, Any], attributes: Mapping[str, Any], ran: str,
+    values: Mapping[str, Any], attributes: Mapping[str, Any],
 ) -> ResultTree:  # fmt: skip
-    """The response as a result: its root, ``/modes`` and ``/response``; ran: the kernel that did."""
+    """The response as a result: its root, ``/modes`` and ``/response``."""
     common: dict[str, Any] = {
         "dof": list(system.coordinates),
         "dof_units": list(system.coordinate_units),
@@ -213,7 +211,7 @@ def _tree(
     table = with_orders(in_units_of(system, table), None if cycles is None else found.mesh_frequency / cycles)
     fields = fields_of(table, {**common, **values, **_spectral(wanted, system, found)})
     group = Group(fields, {**{name: getattr(found, name) for name in said}, **attributes})
-    root = Group((), root_attributes(RESPOND, config, ran))
+    root = Group((), root_attributes(RESPOND, config))
     return ResultTree(root, {"modes": modes_group(system), "response": group})
 
 

@@ -44,11 +44,8 @@ def now() -> datetime:
         raise SettingError(f"SOURCE_DATE_EPOCH is {said!r}; it is a number of seconds since 1970") from None
 
 
-def root_attributes(command: str, config: Origin, kernel: str) -> dict[str, Any]:
-    """Title, configuration as run, versions, time.
-
-    command: that writes the result. kernel: the one that ran, :func:`gearstab.ckernel.said`.
-    """
+def root_attributes(command: str, config: Origin) -> dict[str, Any]:
+    """Title, configuration as run, versions, time; command: that writes the result."""
     import h5py
 
     return {
@@ -62,7 +59,7 @@ def root_attributes(command: str, config: Origin, kernel: str) -> dict[str, Any]
         "h5py_version": h5py.__version__,
         "hdf5_version": h5py.version.hdf5_version,
         "python_version": platform.python_version(),
-        "kernel": kernel,
+        "kernel": "c",
         "config_digest": config.digest,
         "config": config.resolved,
     }

@@ -22,7 +22,6 @@ from uuid import uuid4
 
 import numpy as np
 
-from gearstab.ckernel import available
 from gearstab.errors import RequestError, SweepError
 from gearstab.results.chunks import LEVEL, compress
 from gearstab.sweep.compute import taken_over
@@ -55,19 +54,18 @@ WINDOW = 2
 
 @dataclass(frozen=True)
 class About:
-    """What must be the same on all machines for their numbers to be: versions of gearstab and NumPy, and kernels."""
+    """What must be the same on all machines for their numbers to be: versions of gearstab and NumPy."""
 
     version: str
     numpy: str
-    kernels: tuple[str, ...]
 
     def __str__(self) -> str:
-        return f"gearstab {self.version}, NumPy {self.numpy}, kernels {' and '.join(self.kernels)}"
+        return f"gearstab {self.version}, NumPy {self.numpy}"
 
 
 def about() -> About:
     """Return what is installed in this process."""
-    return About(__version__, np.__version__, available())
+    return About(__version__, np.__version__)
 
 
 @contextmanager
@@ -75,7 +73,7 @@ def connected(address: str, jobs: int, reporter: Reporter) -> Iterator[Executor]
     """Connect to the scheduler at an address, or start one with ``jobs`` workers (``local``), and give its executor.
 
     Raises RequestError where the address is none or ``distributed`` is not installed; SweepError where no scheduler
-    answers, or a worker has another gearstab, NumPy or kernel than this process.
+    answers, or a worker has another gearstab or NumPy than this process.
     """
     if address != LOCAL and not re.fullmatch(ADDRESS, address):
         raise RequestError(f"--scheduler {address}: write tcp://HOST:PORT, or {LOCAL}")

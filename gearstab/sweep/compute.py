@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from gearstab.config import alike, parameters_at
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
 from gearstab.results.chunks import encode
 from gearstab.results.variables import GRID, ROWS, STRETCH, Variable
@@ -29,21 +28,19 @@ def compute(plan: Plan, block: GridBlock, taken: Outcome | None = None) -> Finis
     count = len(next(iter(rows.values()))) if rows else 1
     known = _known(plan, block)
     outcomes = []
-    with kernel.recorded() as ran:
-        for wanted, part in still_wanted(known, plan.inner(layout), count, len(columns)):
-            own = {name: index[wanted] for name, index in rows.items()}
-            for members in grouped(plan, layout, own, len(wanted)):
-                chosen = {name: index[members] for name, index in own.items()}
-                outcome = run_rows(plan, layout, chosen, len(members), columns[part])
-                outcomes.append(Piece(wanted[members], part, outcome))
+    for wanted, part in still_wanted(known, plan.inner(layout), count, len(columns)):
+        own = {name: index[wanted] for name, index in rows.items()}
+        for members in grouped(plan, layout, own, len(wanted)):
+            chosen = {name: index[members] for name, index in own.items()}
+            outcome = run_rows(plan, layout, chosen, len(members), columns[part])
+            outcomes.append(Piece(wanted[members], part, outcome))
     if plan.taken is not None and known is not None:
         found = taken_over(plan, block) if taken is None else taken
         assert found is not None
         row, part = known_rows(known, plan.inner(layout), len(columns))
         outcomes.append(Piece(np.flatnonzero(row), np.flatnonzero(part), found))
-        ran |= {plan.taken.kernel} - {"none"}
     values, tongues = joined(plan, layout, outcomes, (count, len(columns)))
-    return replace(_encoded(plan, layout, block, values, tongues), kernels=tuple(sorted(ran)))
+    return _encoded(plan, layout, block, values, tongues)
 
 
 def _known(plan: Plan, block: GridBlock) -> tuple[Array, ...] | None:

@@ -1,6 +1,6 @@
 """A sweep that goes on from an earlier result, ``--extend``: what of it need not be computed again.
 
-All that numbers depend on must be the same in both: the system, gearstab, NumPy and the kernel. Axes may have further
+All that numbers depend on must be the same in both: the system, gearstab and NumPy. Axes may have further
 values, and methods may be added or changed. Blocks are those of the whole sweep; each computes only the points that the
 earlier result lacks, and takes the others over as they are. The result is then that of the whole sweep: bit for bit
 where values do not depend on what is computed with them, as those of undamped piecewise constant systems, and else
@@ -25,7 +25,7 @@ from gearstab.results.guard import SWEEP
 from gearstab.results.read import attributes, is_sealed, refuse_hollow
 from gearstab.results.tree import FORMAT
 from gearstab.sweep.plan import Layout, Plan
-from gearstab.sweep.storage.taken import CHOSEN, Taken, identity, misshapen
+from gearstab.sweep.storage.taken import Taken, identity, misshapen
 from gearstab.system import Array
 from gearstab.version import __version__
 
@@ -57,7 +57,7 @@ def extended(plan: Plan, path: Path) -> tuple[Plan, list[str]]:
             places[name] = found_places
     if not places or before is None:
         raise _refused(path, f"nothing of it can be taken over ({'; '.join(words)})")
-    return replace(plan, taken=Taken(path.resolve(), before, found["kernel"], places)), words
+    return replace(plan, taken=Taken(path.resolve(), before, places)), words
 
 
 def _refused(path: Path, reason: str) -> ResultError:
@@ -76,7 +76,6 @@ def _checked(path: Path, plan: Plan) -> dict[str, str]:
         raise _refused(path, "it was changed after it was written")
     mine = {
         "format_version": str(FORMAT), "gearstab_version": __version__, "numpy_version": np.__version__,
-        CHOSEN: plan.kernel,
     }  # fmt: skip
     for name, value in mine.items():
         if found.get(name) != value:

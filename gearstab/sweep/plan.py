@@ -17,10 +17,10 @@ from math import ceil, prod
 
 import numpy as np
 
+from gearstab import ckernel
 from gearstab.config import Axis, Config
 from gearstab.config.checks.options import check
 from gearstab.config.model.axes import MESH_FREQUENCY
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, Method, chosen
 from gearstab.results.variables import Variable
 from gearstab.sweep import teeth
@@ -112,7 +112,6 @@ class Plan:
     base: GearSystem
     fast: Axis | None
     layouts: tuple[Layout, ...]
-    kernel: str
     taken: Taken | None = None
 
     @property
@@ -155,10 +154,10 @@ class Plan:
 
     @cached_property
     def digest(self) -> str:
-        """Digest in which finished parts must agree: numbers, division, program version, kernel, earlier result."""
+        """Digest in which finished parts must agree: numbers, division, program version, earlier result."""
         division = [[layout.method.name, layout.chunk] for layout in self.layouts]
         earlier = [] if self.taken is None else [str(self.taken.path), self.taken.identity]
-        text = json.dumps([self.config.digest, division, __version__, self.kernel, *earlier])
+        text = json.dumps([self.config.digest, division, __version__, *earlier])
         return hashlib.sha256(text.encode()).hexdigest()
 
     @cached_property
@@ -188,7 +187,8 @@ class Plan:
 def plan(config: Config) -> Plan:
     """Divide the grid of a configuration that has a ``sweep`` and ``methods``.
 
-    Raises ConfigError where the options of a method do not fit the system, SettingError where there is no such kernel.
+    Raises ConfigError where the options of a method do not fit the system, SettingError where
+    the environment asks for a kernel that is not there.
     """
     if not config.axes or not config.methods.chosen:
         raise ValueError("a sweep needs axes and methods")
@@ -196,7 +196,8 @@ def plan(config: Config) -> Plan:
     check(config, base)
     fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [MESH_FREQUENCY]), None)
     layouts = tuple(_layout(config, fast, method) for method in chosen(config.methods, base))
-    return Plan(config, base, fast, layouts, kernel.checked())
+    ckernel.check()
+    return Plan(config, base, fast, layouts)
 
 
 def _layout(config: Config, fast: Axis | None, method: Method) -> Layout:

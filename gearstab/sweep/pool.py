@@ -27,7 +27,6 @@ from itertools import islice
 from typing import Any
 
 from gearstab import ckernel
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.interrupts import end_with, heed
 from gearstab.methods import Outcome
 from gearstab.sweep.compute import compute
@@ -94,14 +93,14 @@ def run_blocks(
 
 
 def attempt(plan: Plan, block: GridBlock, threads: int, taken: Outcome | None = None) -> FinishedBlock | Failure:
-    """Compute a block with the plan's kernel; a block that fails does not end the sweep.
+    """Compute a block; one that fails does not end the sweep.
 
     threads: how many a call of the compiled kernel may use, in which it runs rows of the block side by side. taken:
     what it takes over from an earlier result, where that was read before.
     """
     found: FinishedBlock | Failure
     try:
-        with kernel.using(plan.kernel, threads):
+        with ckernel.using(threads):
             found = compute(plan, block, taken)
     except Exception as error:
         found = Failure(block, error)

@@ -56,7 +56,7 @@ class Summary:
     points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
     unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
     flags: by method, how many points carry each flag of ``status``. complete: whether the result was there already.
-    kernels: which ones computed it. searches: by method, what its searches for regions rest on.
+    searches: by method, what its searches for regions rest on.
     """
 
     points: int
@@ -66,7 +66,6 @@ class Summary:
     failed: int = 0
     flags: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     complete: bool = False
-    kernels: tuple[str, ...] = ()
     searches: Mapping[str, RegionSearches] = field(default_factory=dict)
 
 
@@ -331,7 +330,7 @@ def _summary(finished: Finished, reused: int) -> Summary:
     return Summary(
         plan.points, plan.blocks, reused, sum(block.unstable for block in tells) if tells else None,
         sum(block.failed for block in tells), {layout.method.name: finished.flags(layout) for layout in plan.layouts},
-        False, tuple(sorted(finished.kernels)),
+        False,
         {layout.method.name: _searches(finished, layout) for layout in plan.layouts if layout.gives("sampled_step")},
     )  # fmt: skip
 

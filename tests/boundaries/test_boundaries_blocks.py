@@ -10,8 +10,7 @@ from planetary_gears import planetary
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import Boundaries, boundaries
-from gearstab.floquet.boundaries.undamped import compiled
-from gearstab.floquet.kernel.choice import using
+from gearstab.floquet.boundaries.undamped import search
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.modal import mean_modes
@@ -64,10 +63,9 @@ def joined(*found: Boundaries) -> np.ndarray:
 def test_edges_beside_a_multiplier_that_passes_one(density: float, monkeypatch: pytest.MonkeyPatch) -> None:
     # Multipliers meet 3e-5 rad from 1 just after one of them passed 1: there too long a step loses their signs.
     system = planetary()
-    monkeypatch.setattr(compiled, "DENSITY", density)
+    monkeypatch.setattr(search, "DENSITY", density)
     found = boundaries(system, 4.1, 6.2, 1e-10, 1e-5, reduction=False)
-    with using(kernel="numpy"):
-        known = boundaries(system, 4.5, 4.6, 1e-10, 1e-5)
+    known = boundaries(system, 4.5, 4.6, 1e-10, 1e-5)
     own = (found.lower > 4.5) & (found.upper < 4.6)
     np.testing.assert_allclose(edges(found)[own], edges(known), rtol=3e-10)
 

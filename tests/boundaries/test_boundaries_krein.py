@@ -6,10 +6,9 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from krein_search import counts, morse
 from tongues import train
 
-from gearstab.floquet.boundaries.counting.krein import evaluate, spectrum
-from gearstab.floquet.boundaries.counting.points import negative, propagate
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.systems import build
 
@@ -66,45 +65,20 @@ def galerkin_index(pattern: Pattern, cycle: float, theta: float, order: int = 16
 def test_morse_index_is_that_of_a_fourier_galerkin_form(epsilon: float) -> None:
     pattern = two_masses(epsilon)
     cycles = np.array([0.13, 0.6, 1.7, 3.1])
-    points = propagate(pattern, np.zeros(4, dtype=int), cycles)
+    _, periodic, antiperiodic, _ = morse(pattern, np.zeros(4, dtype=int), cycles)
     for k, cycle in enumerate(cycles):
-        for theta, ours in ((np.pi, points.antiperiodic[k]), (0.0, points.periodic[k])):
+        for theta, ours in ((np.pi, antiperiodic[k]), (0.0, periodic[k])):
             count, margin = galerkin_index(pattern, cycle, theta)
             # The truncated form converges like 1/order: a sign is settled only for eigenvalues clearly off zero.
             assert margin > 1e-3
             assert ours == count
 
 
-def test_inertia_counts_negative_eigenvalues() -> None:
-    matrices = np.random.default_rng(1).normal(size=(200, 5, 5))
-    matrices = matrices + np.swapaxes(matrices, 1, 2)
-    assert np.array_equal(negative(matrices), (np.linalg.eigvalsh(matrices) < 0).sum(axis=1))
-
-
-def test_speeds_are_derivatives_of_the_phases() -> None:
-    """Also with a state of negative stiffness: positive multipliers move counterclockwise for every K(t)."""
-    for epsilon in (0.3, 2.0):
-        pattern = two_masses(epsilon)
-        cycle = np.linspace(0.2, 3.0, 40)
-        row, step = np.zeros(40, dtype=int), 1e-6
-        points = propagate(pattern, row, cycle)
-        found = spectrum(points.matrix)
-        mean = np.einsum("pik,pik->pk", found.vectors.conj(), points.energy @ found.vectors).real
-        later = np.linalg.eigvals(propagate(pattern, row, cycle + step).matrix)
-        earlier = np.linalg.eigvals(propagate(pattern, row, cycle - step).matrix)
-        # Near a collision the phases move like a square root, and finite differences fail: those are left out.
-        for p, k in zip(*np.nonzero(~found.off & (np.abs(found.sign) > 0.05)), strict=True):
-            speed = 2 * np.pi * mean[p, k] / found.sign[p, k]
-            assert np.sign(speed) == np.sign(found.sign[p, k])
-            ahead, behind = (v[p, np.argmin(np.abs(v[p] - found.values[p, k]))] for v in (later, earlier))
-            assert np.angle(ahead / behind) / (2 * step) == pytest.approx(speed, rel=1e-4)
-
-
 def test_count_of_constant_stiffness_is_known() -> None:
     """Without variation Theta_i = w_i T: C = sum floor((w_i + w_j) T/2 pi), whatever the winding."""
     (pattern,) = prepare(train(epsilon=(0.0, 0.0)))
     cycle = np.random.default_rng(2).uniform(0.05, 60.0, 300)
-    found = evaluate(pattern, np.zeros(300, dtype=int), cycle)
+    found = counts(pattern, np.zeros(300, dtype=int), cycle)
     w = np.sqrt(pattern.squared_frequency[0, 0])
     count = np.floor((w[:, None] + w)[None] * cycle[:, None, None]).sum(axis=(1, 2))
     assert found.stable.all()
@@ -122,7 +96,7 @@ def test_count_is_continuous_in_epsilon_at_stable_points() -> None:
     for omega in (0.31, 0.523, 0.71, 1.12, 1.6, 2.3, 3.17, 6.9):
         count, stable = np.zeros(181), np.zeros(181, dtype=bool)
         for pattern in patterns:
-            found = evaluate(pattern, np.arange(len(pattern.rows)), pattern.elastic.rate / omega)
+            found = counts(pattern, np.arange(len(pattern.rows)), pattern.elastic.rate / omega)
             count[pattern.rows], stable[pattern.rows] = found.begun, found.stable
             assert found.known.all()
         run = np.flatnonzero(~stable)[0] if not stable.all() else 181
@@ -133,8 +107,8 @@ def test_count_is_continuous_in_epsilon_at_stable_points() -> None:
 def test_unstable_points_hold_as_many_open_collisions_as_multipliers_outside() -> None:
     (pattern,) = prepare(train(epsilon=(0.5, 0.5)))
     cycle = np.linspace(0.2, 3.0, 500)
-    found = evaluate(pattern, np.zeros(500, dtype=int), cycle)
-    values = np.linalg.eigvals(propagate(pattern, np.zeros(500, dtype=int), cycle).matrix)
+    found = counts(pattern, np.zeros(500, dtype=int), cycle)
+    values = np.linalg.eigvals(morse(pattern, np.zeros(500, dtype=int), cycle)[0])
     outside = (np.abs(values) > 1 + 1e-6).sum(axis=1)
     assert np.array_equal(found.begun - found.ended, outside)
     assert np.array_equal(found.stable, outside == 0)

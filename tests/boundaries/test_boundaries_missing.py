@@ -9,12 +9,12 @@ square of the width, so that rounding hides tongues below some 1e-6: those are s
 from __future__ import annotations
 
 import numpy as np
+import numpy_kernel
 import pytest
 from tongues import inside, near_edge, train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.kernel import numpy_kernel
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import GearSystem
 
@@ -27,7 +27,7 @@ GOLDEN = (np.sqrt(5) - 1) / 2
 def functions(pattern: Pattern, row: int, cycle: np.ndarray) -> np.ndarray:
     """p(2), -p(-2) and D, ``(3, P)``."""
     matrix, _ = numpy_kernel.propagate(pattern, row, 1 / cycle)
-    s1, s2, s3 = numpy_kernel.invariants(matrix)
+    s1, s2, s3 = numpy_kernel.coefficients(matrix)
     at = [((x - s1) * x + s2) * x - s3 for x in (2.0, -2.0)]
     discriminant = s1**2 * s2**2 - 4 * s2**3 - 4 * s1**3 * s3 + 18 * s1 * s2 * s3 - 27 * s3**2
     return np.stack([at[0], -at[1], discriminant])

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
+import numpy_kernel
 import oracle
 import pytest
 from random_trains import conservative_train
@@ -19,7 +20,6 @@ from tongues import inside, near_edge
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import Boundaries, boundaries
-from gearstab.floquet.kernel import numpy_kernel
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import GearSystem
 

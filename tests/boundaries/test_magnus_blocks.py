@@ -13,7 +13,6 @@ from test_boundaries_blocks import edges, joined, mode_types
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.floquet.boundaries.smooth import parts
-from gearstab.floquet.kernel.choice import using
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular, Waveform
 
@@ -88,12 +87,6 @@ class TestPlanetary:
         same(found, boundaries(system, 5.0, 6.0, 1e-10, 1e-5, reduction=False), COPIES)
         kinds = mode_types(system)
         assert all(kinds[t.mode_p - 1] == kinds[t.mode_q - 1] for members in found.members for t in members)
-
-    def test_the_kernels_agree(self):
-        system = waved(cyclic(3, epsilon=0.2), *RAMPS)
-        found = boundaries(system, 5.0, 5.6, 1e-9, 1e-5)
-        with using(kernel="numpy"):
-            same(found, boundaries(system, 5.0, 5.6, 1e-9, 1e-5))
 
     @pytest.mark.parametrize("kind", ["stiffness", "mass"])
     def test_damped(self, kind):

@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from krein_search import counts
 from planetary_gears import cyclic
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
@@ -14,14 +15,11 @@ from systems import COSINE, GENERAL, TRAPEZOID, WAVE, oscillator, smooth_train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.boundaries.counting.krein import evaluate
 from gearstab.floquet.boundaries.counting.points import exact
 from gearstab.floquet.boundaries.damped.search import Limits
 from gearstab.floquet.boundaries.smooth import SteppedPeriod
-from gearstab.floquet.kernel.choice import using
 from gearstab.floquet.smooth.schemes import CF4_2
 from gearstab.floquet.smooth.steps import divisions
-from gearstab.systems import build
 from gearstab.waveforms import Rectangular, Trapezoidal
 
 
@@ -138,7 +136,7 @@ class TestIntegers:
         assert len(exact(few).states) > len(few.states)
         cycle = np.linspace(*(limit[0] for limit in limits.cycles(many)), 300)
         row = np.zeros(len(cycle), dtype=int)
-        ours, theirs = (evaluate(pattern, row, cycle) for pattern in (few, many))
+        ours, theirs = (counts(pattern, row, cycle) for pattern in (few, many))
         agree = ours.stable == theirs.stable
         # Only within 1e-6 of an edge may they differ.
         assert agree.mean() > 0.99
@@ -146,23 +144,3 @@ class TestIntegers:
         assert known.mean() > 0.95
         np.testing.assert_array_equal(ours.begun[known], theirs.begun[known])
         np.testing.assert_array_equal(ours.ended[known], theirs.ended[known])
-
-
-@pytest.mark.slow
-def test_edges_beside_which_signs_are_lost_in_rounding():
-    """Growth so strong that the NumPy search finds no Krein sign beside one of the edges (Blanch's a_1(5)): it is known
-    to the tolerance all the same, and lies where the compiled search has it.
-    """
-    mesh = {"mean_stiffness": 1.0, "epsilon": 2.6907940626918636, "waveform": {"kind": "fourier", "cos": [1.0]}}
-    pair = {"kind": "gear_pair", "equivalent_mass": 1.0, "allow_negative_stiffness": True}
-    item = build({**pair, "meshes": [{"name": "mesh", **mesh}]})
-    known = boundaries(item, 0.19, 1.6)
-    with using(kernel="numpy"):
-        found = boundaries(item, 0.19, 1.6)
-    assert np.all(found.tolerance < 1.2e-10)
-    # A stable gap of 1.3e-7, narrower than the floor, may be found or not.
-    wide = known.lower[1:] > known.upper[:-1] * (1 + known.width_floor)
-    assert len(wide) - wide.sum() <= 1
-    # Each within 1e-10 of the truth, and so many times the tolerance as the steps' error is at most.
-    np.testing.assert_allclose(found.lower, known.lower[np.append(True, wide)], rtol=3e-10)
-    np.testing.assert_allclose(found.upper, known.upper[np.append(wide, True)], rtol=3e-10)

@@ -14,7 +14,7 @@ import scipy.linalg
 
 import gearstab as gs
 from gearstab.floquet import solve
-from gearstab.floquet.kernel import levels, numpy_kernel
+from gearstab.floquet.kernel import factors, levels
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular
@@ -58,13 +58,13 @@ def test_every_speed_takes_the_short_way(monkeypatch: pytest.MonkeyPatch) -> Non
     mesh = Mesh("mesh", gauge, 3e8, 0.25, Rectangular(1.62))
     system = GearSystem(scipy.linalg.block_diag(first, second), stiffness, (mesh,), damping)
     omega, long = np.linspace(690.0, 865.0, 36), []
-    chains = numpy_kernel.chains
+    chains = factors.chains
 
     def followed(wide: np.ndarray, pattern: Pattern) -> Iterator[tuple[int, np.ndarray]]:
         long.extend(omega[wide[0]] if wide.shape[1] == len(omega) else ())
         return chains(wide, pattern)
 
-    monkeypatch.setattr(numpy_kernel, "chains", followed)
+    monkeypatch.setattr(factors, "chains", followed)
     found = solve(system, omega, exponents=True).exponents
     assert found is not None
     assert long == []

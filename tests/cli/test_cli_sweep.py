@@ -38,11 +38,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_result_goes_where_nothing_else_is_said(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # A chosen kernel is not commented on, whatever was built.
-    monkeypatch.setenv("GEARSTAB_KERNEL", "numpy")
+def test_the_result_goes_where_nothing_else_is_said(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert code("sweep", "train.yaml") == 0
     said = capsys.readouterr()
     assert said.out == ""
@@ -292,18 +288,3 @@ def test_what_cases_set_carries_its_unit_and_title(folder: Path) -> None:
             assert stiffness.attrs["units"] == "N/m"
             assert inertia.attrs["long_name"].endswith("[1]")
             assert inertia.attrs["units"] == "kg"
-
-
-def test_the_slow_kernel_is_said_unless_it_was_chosen(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv("GEARSTAB_KERNEL", raising=False)
-    monkeypatch.setattr("gearstab.ckernel.library", None)
-    note = "note: the compiled kernel was not built; sweeps run on the slower NumPy kernel"
-    assert code("sweep", "train.yaml") == 0
-    assert capsys.readouterr().err.splitlines()[1:] == [note]
-    assert code("sweep", "train.yaml", "-q", "--overwrite") == 0
-    assert capsys.readouterr().err == ""
-    monkeypatch.setenv("GEARSTAB_KERNEL", "numpy")
-    assert code("sweep", "train.yaml", "--overwrite") == 0
-    assert note not in capsys.readouterr().err

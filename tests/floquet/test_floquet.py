@@ -1,4 +1,4 @@
-"""The NumPy Floquet core against closed forms, other formulations of the same product, and its own invariants."""
+"""The Floquet core against closed forms, other formulations of the same product, and its own invariants."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 from fractions import Fraction
 
 import numpy as np
+import numpy_kernel
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,7 +16,8 @@ from scipy.linalg import expm
 from systems import pair, two_stage
 
 from gearstab.floquet import STATUS_FLAGS, solve
-from gearstab.floquet.kernel import damped, decision, graded, invariants, numpy_kernel
+from gearstab.floquet.kernel import c_kernel, damped, decision, factors, graded
+from gearstab.floquet.kernel.invariants import growth_of
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.modal import mean_modes
 from gearstab.system import GearSystem, Mesh
@@ -265,11 +267,11 @@ def test_symplectic_products():
     rng = np.random.default_rng(7)
     system = random_system(rng, 4)
     (pattern,) = prepare(system)
-    m, scale = numpy_kernel.monodromy(pattern, 0, np.array([0.3, 1.1, 4.0]) / pattern.elastic.rate[0])
+    m, scale = c_kernel.monodromy(pattern, 0, np.array([0.3, 1.1, 4.0]) / pattern.elastic.rate[0])
     j = decision.symplectic_form(4)
     assert np.abs(np.swapaxes(m, -1, -2) @ j @ m - j).max() < 1e-11 * np.abs(m).max() ** 2
     assert np.all(scale == 0)
-    chain = numpy_kernel.factors(pattern, 0, np.array([1.1]) / pattern.elastic.rate[0])
+    chain = factors.factors(pattern, 0, np.array([1.1]) / pattern.elastic.rate[0])
     total = np.eye(8)
     for factor in chain:
         total = factor[0] @ total
@@ -281,11 +283,11 @@ def test_invariants_are_those_of_the_eigenvalues(n):
     rng = np.random.default_rng(n)
     (pattern,) = prepare(random_system(rng, n))
     m, _ = numpy_kernel.propagate(pattern, 0, np.linspace(0.4, 3, 50))
-    s = np.atleast_2d(numpy_kernel.invariants(m))
+    s = np.atleast_2d(numpy_kernel.coefficients(m))
     values = np.linalg.eigvals(np.moveaxis(m, -1, 0))
     for k in range(50):
         rho = values[k] + 1 / values[k]
-        doubled = np.poly(np.concatenate(list([invariants.roots(s[:, k : k + 1])[:, 0]] * 2)))
+        doubled = np.poly(np.concatenate(list([numpy_kernel.roots(s[:, k : k + 1])[:, 0]] * 2)))
         np.testing.assert_allclose(doubled, np.poly(rho), rtol=1e-9, atol=1e-9 * np.abs(doubled).max())
 
 
@@ -294,7 +296,7 @@ def test_invariants_are_those_of_the_eigenvalues(n):
 )
 def test_roots_of_cubics(case):
     p = np.poly(case).real
-    found = invariants.roots(np.array([[-p[1]], [p[2]], [-p[3]]]))[:, 0]
+    found = numpy_kernel.roots(np.array([[-p[1]], [p[2]], [-p[3]]]))[:, 0]
     for root in case:
         # Roots 1e-4 apart lose four digits of the coefficients between them.
         assert np.abs(found - root).min() < 1e-11
@@ -303,7 +305,7 @@ def test_roots_of_cubics(case):
 def test_growth_of_a_large_root():
     """Only the largest root tells the growth; the small ones may drown in its rounding error."""
     p = np.poly([1e8, 1.0, -0.5])
-    found = invariants.growth_of(invariants.roots(np.array([[-p[1]], [p[2]], [-p[3]]])))
+    found = growth_of(numpy_kernel.roots(np.array([[-p[1]], [p[2]], [-p[3]]])))
     assert found[0] == pytest.approx(np.arccosh(0.5e8), rel=1e-14)
 
 

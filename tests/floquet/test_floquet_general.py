@@ -15,7 +15,6 @@ from systems import DAMPING, G2, MASS, SHAFT, WITH_TERMS, Smooth, friction, with
 from gearstab.cli import group
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.general import analyse
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected
 from gearstab.modal import modal_damping_matrix
@@ -217,11 +216,6 @@ def test_commands_take_terms_beside_rectangular_waves(tmp_path, text, command):
 
 class TestStrongDamping:
     """Multipliers e^-50 to e^-750 of the largest, of which a product in double precision knows nothing."""
-
-    @pytest.fixture(params=kernel.available(), autouse=True)
-    def way(self, request):
-        with kernel.using(request.param):
-            yield
 
     @pytest.mark.parametrize(("ratio", "omega"), [(0.3, 0.1), (0.9, 0.5), (0.9, 0.1)])
     def test_damping_written_as_a_term(self, ratio, omega):

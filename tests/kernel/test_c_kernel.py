@@ -1,4 +1,4 @@
-"""The compiled kernel against the NumPy kernel, high precision and itself, at every level of vector instructions."""
+"""The compiled kernel against its form in NumPy, high precision and itself, at every level of vector instructions."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import cache
 
 import mpmath as mp
 import numpy as np
+import numpy_kernel
 import pytest
 from oracle import plain
 from oracle import solve as reference
@@ -15,17 +16,15 @@ from scipy.linalg import eig
 from systems import KINDS, chain, damped_patterns, patterns, system, two_stage
 
 from gearstab import ckernel
-from gearstab.floquet import solve
-from gearstab.floquet.kernel import c_kernel, damped, invariants, numpy_kernel, threads
-from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet import STATUS_FLAGS, solve
+from gearstab.floquet.kernel import c_kernel, damped, invariants, threads
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, UNSTABLE
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.system import GearSystem, Mesh
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 
-pytestmark = pytest.mark.skipif(ckernel.library is None, reason="the compiled kernel was not built")
-LEVELS = ckernel.library.levels() if ckernel.library is not None else []
+LEVELS = ckernel.library.levels()
 POINTS = 203  # a multiple of no vector's length
 FEW = 61  # for which polynomials never pay
 
@@ -53,14 +52,14 @@ def differ_on_thresholds(pattern, omega, verdict, expected):
 def on_a_threshold(pattern, row, omega):
     """Whether a quantity that decides whether points are in doubt is within a factor of two of its threshold."""
     matrix, scale = numpy_kernel.propagate(pattern, row, omega)
-    s = np.atleast_2d(numpy_kernel.invariants(matrix))
+    s = np.atleast_2d(numpy_kernel.coefficients(matrix))
     size = np.maximum(1.0, np.abs(s).max(axis=0) / 3.0)
     powers = np.arange(len(s) + 1)[::-1]
     coefficients = np.concatenate([np.ones((1, s.shape[1])), s * (-1.0) ** np.arange(1, len(s) + 1)[:, None]])
     edges = [np.abs((2.0 * sign) ** powers @ coefficients) / size for sign in (1, -1)]
     ratios = [edge / invariants.EDGE_NOISE for edge in edges] + [size / invariants.LARGEST]
     if len(s) > 1:
-        discriminant = np.abs(invariants.scaled_discriminant(s))
+        discriminant = np.abs(numpy_kernel.scaled_discriminant(s))
         ratios += [discriminant / invariants.DISCRIMINANT_NOISE, discriminant / invariants.GROWTH_NOISE]
     return (np.abs(np.log2(np.array(ratios))) < 1).any(axis=0) | (scale > 0)
 
@@ -97,17 +96,10 @@ def test_thresholds_are_those_of_numpy(monkeypatch):
 @pytest.mark.parametrize("n", [*range(1, 9)])
 def test_solutions_agree(level, n, kind):
     item, omega = system(n, kind, 1), np.geomspace(0.2, 8, 41)
-    with kernel.using("c"):
-        found = solve(item, omega)
-    with kernel.using("numpy"):
-        expected = solve(item, omega)
-    # A constant system needs none.
-    assert (found.kernel, expected.kernel) == (("none",) * 2 if kind == "no excitation" else ("c", "numpy"))
-    np.testing.assert_array_equal(found.stable, expected.stable)
-    np.testing.assert_allclose(found.growth_rate, expected.growth_rate, rtol=1e-8, atol=1e-9)
-    # For n > 3 NumPy decides every point by eigenvalues, C only the doubtful ones; the other flags are the same.
-    others = ~np.int16(1)
-    np.testing.assert_array_equal(found.status & others, expected.status & others)
+    found = solve(item, omega)
+    growth, stable = numpy_kernel.stability(item, omega)
+    np.testing.assert_array_equal(found.stable, stable)
+    np.testing.assert_allclose(found.growth_rate, growth, rtol=1e-8, atol=1e-9)
 
 
 @pytest.mark.parametrize("n", [4, 5, 8])
@@ -128,28 +120,24 @@ def test_thirty_three_coordinates(level):
     rho = values + 1 / values
     distance = np.abs(found[:, :, None] - rho[:, None, :]).min(axis=2)
     assert distance.max() < 1e-10 * np.abs(rho).max()
-    with kernel.using("c"):
-        ours = solve(item, np.linspace(0.4, 5, 19))
-    with kernel.using("numpy"):
-        expected = solve(item, np.linspace(0.4, 5, 19))
-    np.testing.assert_array_equal(ours.stable, expected.stable)
-    np.testing.assert_allclose(ours.growth_rate, expected.growth_rate, atol=1e-10)
+    ours = solve(item, np.linspace(0.4, 5, 19))
+    growth, stable = numpy_kernel.stability(item, np.linspace(0.4, 5, 19))
+    np.testing.assert_array_equal(ours.stable, stable)
+    np.testing.assert_allclose(ours.growth_rate, growth, atol=1e-10)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 6])
 @pytest.mark.parametrize("kind", ["generic", "negative stiffness", "rigid"])
 def test_all_exponents(level, n, kind):
     item, omega = system(n, kind, 3), np.geomspace(0.3, 7, 23)
-    with kernel.using("c"):
-        found = solve(item, omega, exponents=True).exponents
-    with kernel.using("numpy"):
-        expected = solve(item, omega, exponents=True).exponents
+    found = solve(item, omega, exponents=True).exponents
+    expected = numpy_kernel.exponents(item, omega)
     turn = 2 * np.pi / (2 * np.pi * float(item.common_period()[0]) / omega)[None, :, None, None]
     shift = found[..., :, None].imag - expected[..., None, :].imag
     apart = np.hypot(found[..., :, None].real - expected[..., None, :].real, shift - turn * np.rint(shift / turn))
-    # An exponent near a collision moves with the root of rounding errors, 1e-7.
-    assert apart.min(axis=-1).max() < 1e-6
-    assert np.median(apart.min(axis=-1)) < 1e-13
+    # An exponent near a collision moves with the root of rounding errors, 1e-7. Those of rigid bodies are not compared.
+    assert apart.min(axis=-2).max() < 1e-6
+    assert np.median(apart.min(axis=-2)) < 1e-13
 
 
 def two_meshes(ratio):
@@ -216,13 +204,10 @@ def test_growth_beyond_the_range_of_doubles(level, n):
     item = system(n, "negative stiffness", 4)
     item = replace(item, stiffness=0.01 * item.stiffness)
     omega = np.geomspace(0.0007, 0.02, 11)
-    with kernel.using("c"):
-        found = solve(item, omega)
-    with kernel.using("numpy"):
-        expected = solve(item, omega)
+    found = solve(item, omega)
     assert (found.growth_rate * 2 * np.pi / omega).max() > np.log(np.finfo(float).max)
-    np.testing.assert_allclose(found.growth_rate, expected.growth_rate, rtol=1e-10)
-    np.testing.assert_array_equal(found.status, expected.status)
+    np.testing.assert_allclose(found.growth_rate, numpy_kernel.stability(item, omega)[0], rtol=1e-10)
+    assert np.all(found.status[found.growth_rate * 2 * np.pi / omega > 200] & STATUS_FLAGS["rescaled"])
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
@@ -233,13 +218,11 @@ def test_long_periods(level, n):
     item = replace(base, meshes=(first, replace(second, frequency_ratio=Fraction(101, 100))))
     assert len(prepare(item)[0].states) > 400
     omega = np.linspace(0.5, 3, 21)
-    with kernel.using("c"):
-        found = solve(item, omega)
-    with kernel.using("numpy"):
-        expected = solve(item, omega)
-    np.testing.assert_array_equal(found.stable, expected.stable)
+    found = solve(item, omega)
+    growth, stable = numpy_kernel.stability(item, omega)
+    np.testing.assert_array_equal(found.stable, stable)
     # 400 segments, each adding its rounding errors to a growth of up to 1e2 a period.
-    np.testing.assert_allclose(found.growth_rate, expected.growth_rate, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(found.growth_rate, growth, rtol=1e-9, atol=1e-11)
 
 
 @pytest.mark.parametrize("points", [0, 1, 2, 7, 8, 9])

@@ -1,4 +1,4 @@
-"""Eigenproblems of symmetric matrices of any order, as both kernels have them."""
+"""Eigenproblems of symmetric matrices of any order."""
 
 from __future__ import annotations
 
@@ -6,22 +6,18 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from gearstab.floquet.kernel import choice as kernel
-from gearstab.floquet.kernel.choice import using
 from gearstab.modal import symmetric_eigen
 
 
-@pytest.mark.parametrize("name", kernel.available())
 @pytest.mark.parametrize("n", [8, 15, 30])
-def test_eigenvectors_of_the_states_of_a_wave_do_not_drift(n, name):
+def test_eigenvectors_of_the_states_of_a_wave_do_not_drift(n):
     """A product of hundreds of changes of modes adds up by how much their lengths are wrong: LAPACK's by 3 to 4 eps
     each, a third of an eps and more on the average.
     """
     rng = np.random.default_rng(n)
     first, second = rng.standard_normal((2, n, n))
     wave = np.linspace(0, 1, 400)[:, None, None]
-    with using(kernel=name):
-        _, vectors = symmetric_eigen(first @ first.T + wave * (second + second.T))
+    _, vectors = symmetric_eigen(first @ first.T + wave * (second + second.T))
     exact = vectors.astype(np.longdouble)
     excess = np.einsum("kij,kij->kj", exact, exact) - 1
     eps = np.finfo(float).eps
@@ -30,8 +26,7 @@ def test_eigenvectors_of_the_states_of_a_wave_do_not_drift(n, name):
     assert np.abs(excess.mean(axis=0)).max() < 0.2 * eps
 
 
-@pytest.mark.parametrize("name", kernel.available())
-def test_small_eigenvalues_beside_large_ones_keep_their_digits(name):
+def test_small_eigenvalues_beside_large_ones_keep_their_digits():
     """D A D with well-conditioned A and D over eight decades: relative accuracy (Demmel & Veselic 1992)."""
     n = 14
     rng = np.random.default_rng(4)
@@ -40,8 +35,7 @@ def test_small_eigenvalues_beside_large_ones_keep_their_digits(name):
     graded = d[:, None] * (b @ b.T + n * np.eye(n)) * d
     with mp.workdps(60):
         exact = np.array([float(v) for v in sorted(mp.eigsy(mp.matrix(graded.tolist()), eigvals_only=True))])
-    with using(kernel=name):
-        values, vectors = symmetric_eigen(np.stack([graded, graded[::-1, ::-1]]))
+    values, vectors = symmetric_eigen(np.stack([graded, graded[::-1, ::-1]]))
     # Some n eps, by the condition of A.
     np.testing.assert_allclose(values, [exact, exact], rtol=1e-13)
     np.testing.assert_allclose(np.swapaxes(vectors, 1, 2) @ vectors, [np.eye(n)] * 2, atol=1e-14)

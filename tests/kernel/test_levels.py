@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import mpmath as mp
 import numpy as np
+import numpy_kernel
 import pytest
 
-from gearstab.floquet.kernel import levels, numpy_kernel
+from gearstab.floquet.kernel import levels
 from gearstab.floquet.kernel.damped import Generators, factors, generators
 from gearstab.floquet.kernel.graded import log_multipliers as graded
 from gearstab.floquet.segments.pattern import Pattern, prepare

@@ -1,17 +1,17 @@
-"""What the kernels offer for Magnus steps."""
+"""What the kernel offers for Magnus steps."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
+import numpy_kernel
 import pytest
 from planetary_gears import cyclic
 from systems import SMOOTH_OMEGA, SMOOTH_SYSTEMS, WAVE, smooth_train, with_ramps
 
 from gearstab import ckernel
-from gearstab.floquet.kernel import c_kernel, numpy_kernel
-from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.kernel.invariants import DOUBTFUL
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.floquet.smooth import compare, steps
@@ -21,13 +21,11 @@ from gearstab.waveforms import Rectangular
 
 
 class TestKernel:
-    """What the kernels offer for Magnus steps."""
+    """What the kernel offers for Magnus steps."""
 
     @pytest.mark.parametrize("module", [numpy_kernel, c_kernel], ids=["numpy", "c"])
     @pytest.mark.parametrize("epsilon", [0.4, 1.0, 1.6])
     def test_segments_that_run_backwards_undo_what_was_done(self, module, epsilon):
-        if module is c_kernel and "c" not in kernel.available():
-            pytest.skip("the compiled kernel was not built")
         # Softer levels above, at and below zero: oscillating, free and growing modes.
         mesh = Mesh("m", np.array([1.0, -0.4]), np.array(1.0), np.array(epsilon), Rectangular(1.5))
         system = GearSystem(np.eye(2), np.diag([0.0, 0.7]), (mesh,))
@@ -46,20 +44,19 @@ class TestKernel:
         (division,) = steps.divisions(smooth_train(WAVE, WAVE))
         pattern = division.pattern(CF6_5, 2)
         omega = SMOOTH_OMEGA[None] / division.elastic.rate[:, None]
-        for module in (numpy_kernel, *([c_kernel] if "c" in kernel.available() else [])):
-            verdict, growth, rho, _ = module.scan_traces(pattern, omega)
-            plain = module.scan(pattern, omega)
-            np.testing.assert_array_equal(verdict, plain[0])
-            np.testing.assert_array_equal(growth, plain[1])
-            matrix, _ = numpy_kernel.monodromy(pattern, 0, omega[0])
-            both = np.linalg.eigvals(matrix)
-            expected = both + 1 / both
-            gap = np.abs(expected[:, :, None] - rho[0][:, None, :])
-            # Nearly double ones are known to the root of the rounding error.
-            assert gap.min(axis=2).max() < 1e-6
-            assert gap.min(axis=1).max() < 1e-6
+        verdict, growth, rho, _ = c_kernel.scan_traces(pattern, omega)
+        plain = c_kernel.scan(pattern, omega)
+        np.testing.assert_array_equal(verdict, plain[0])
+        np.testing.assert_array_equal(growth, plain[1])
+        matrix, _ = numpy_kernel.monodromy(pattern, 0, omega[0])
+        both = np.linalg.eigvals(matrix)
+        expected = both + 1 / both
+        gap = np.abs(expected[:, :, None] - rho[0][:, None, :])
+        # Nearly double ones are known to the root of the rounding error.
+        assert gap.min(axis=2).max() < 1e-6
+        assert gap.min(axis=1).max() < 1e-6
 
-    @pytest.mark.parametrize("level", ckernel.library.levels() if ckernel.library else [])
+    @pytest.mark.parametrize("level", ckernel.library.levels())
     @pytest.mark.parametrize("name", ["one coordinate", "Fourier", "planets"])
     def test_interpolated_matrices_are_those_of_propagation(self, name, level, monkeypatch):
         monkeypatch.setenv("GEARSTAB_SIMD", level)
@@ -69,8 +66,7 @@ class TestKernel:
         # Vectors of points in any order straddle panels and are propagated.
         for omega in (np.random.default_rng(4).uniform(0.4, 7.0, 300), np.linspace(0.4, 7.0, 1200)):
             asked = omega[None] / division.elastic.rate[:, None]
-            with kernel.using("c"):
-                plain, near = (compare.scan(pattern, asked, interpolate) for interpolate in (False, True))
+            plain, near = (compare.scan(pattern, asked, interpolate) for interpolate in (False, True))
             used = near.rounding > plain.rounding
             np.testing.assert_array_equal(near.values[~used], plain.values[~used])
             # The sum of all traces is that of the matrix, which no coincidence of multipliers makes less certain.
@@ -82,7 +78,6 @@ class TestKernel:
             np.testing.assert_allclose(near.growth[sure], plain.growth[sure], rtol=1e-9, atol=1e-12)
         assert used.mean() > 0.5
 
-    @pytest.mark.skipif("c" not in kernel.available(), reason="the compiled kernel was not built")
     def test_changes_of_traces(self):
         rng = np.random.default_rng(2)
         rho = rng.standard_normal((3, 40, 4)) * 2 + 1j * rng.standard_normal((3, 40, 4)) * rng.integers(
@@ -101,7 +96,7 @@ class TestKernel:
         pattern = division.pattern(CF6_5, 9)
         assert len(pattern.states) > 1000
         omega = np.array([1.0, 2.0, 5.0]) / division.elastic.rate[0]
-        matrix, _ = kernel.current().monodromy(pattern, 0, omega)
+        matrix, _ = c_kernel.monodromy(pattern, 0, omega)
         # Eigenvectors that are 1e-16 too long, all of them, would make it 1e-13 times as much.
         np.testing.assert_allclose(np.linalg.det(matrix), 1.0, rtol=0, atol=1e-13)
         assert np.all(compare.rounding(pattern, omega[None]) < 1e-12)

@@ -8,6 +8,7 @@ from functools import cache
 
 import mpmath as mp
 import numpy as np
+import numpy_kernel
 import pytest
 from oracle import assert_exponents_match, plain
 from oracle import solve as reference
@@ -16,11 +17,10 @@ from systems import damped_patterns, system, train
 
 from gearstab import ckernel
 from gearstab.floquet import solve
-from gearstab.floquet.kernel import c_kernel, damped, graded, numpy_kernel
+from gearstab.floquet.kernel import c_kernel, damped, graded
 from gearstab.modal import modal_damping_matrix
 
-LEVELS = [] if ckernel.library is None else ckernel.library.levels()
-built = pytest.mark.skipif(ckernel.library is None, reason="the compiled kernel was not built")
+LEVELS = ckernel.library.levels()
 
 
 @pytest.fixture(params=["numpy", *LEVELS])
@@ -32,12 +32,10 @@ def log_multipliers(request, monkeypatch):
     return c_kernel.graded
 
 
-@pytest.fixture(params=["numpy", *LEVELS])
+@pytest.fixture(params=LEVELS)
 def way(request, monkeypatch):
-    """Systems are analysed in NumPy, or at a level of vector instructions."""
-    monkeypatch.setenv("GEARSTAB_KERNEL", "numpy" if request.param == "numpy" else "c")
-    if request.param != "numpy":
-        monkeypatch.setenv("GEARSTAB_SIMD", request.param)
+    """Systems are analysed at each level of vector instructions."""
+    monkeypatch.setenv("GEARSTAB_SIMD", request.param)
 
 
 def apart(found, expected):
@@ -149,7 +147,6 @@ class TestGivenFactors:
         (found,) = log_multipliers(factors)
         assert apart(found, exact(factors)) < 1e-12
 
-    @pytest.mark.parametrize("way", LEVELS, indirect=True)
     def test_a_point_that_is_not_finite_leaves_its_neighbours_alone(self, way):
         rng = np.random.default_rng(2)
         factors = [np.eye(4) + 0.3 * rng.normal(size=(5, 4, 4)) for _ in range(3)]
@@ -189,7 +186,6 @@ class TestDampedPatterns:
             for row in (0, 2):
                 assert_exponents_match(found[row, 0], *expected(size, kind, strength, omega, row))
 
-    @pytest.mark.parametrize("way", LEVELS, indirect=True)
     @pytest.mark.parametrize(("size", "points"), [(9, 12), (33, 2)])
     def test_compiled_and_numpy_agree_for_many_coordinates(self, way, size, points):
         for pattern, generator, omega in damped_patterns(system(size, "one mesh", 1, 0.05), points):
@@ -211,13 +207,11 @@ class TestDampedPatterns:
         long, short = found.values()
         np.testing.assert_allclose(long, short, atol=1e-12)
 
-    @built
     def test_results_do_not_depend_on_threads(self):
         for pattern, generator, omega in damped_patterns(system(3, "one mesh", 2, 0.1), 203):
             one, four = (c_kernel.log_multipliers_damped(pattern, generator, omega, limit) for limit in (1, 4))
             np.testing.assert_array_equal(one, four)
 
-    @built
     def test_states_that_cannot_be_diagonalised(self):
         """Critical damping of a single coordinate beside others: the factors are exponentials of the matrices."""
         (found,) = damped_patterns(system(2, "one mesh", 3, 0.1), 4)
@@ -232,7 +226,6 @@ class TestDampedPatterns:
             assert apart(logs[point], other[point]) < 1e-11
 
 
-@built
 class TestArguments:
     """Arrays of wrong sizes are refused, never read beyond their ends."""
 
@@ -270,7 +263,6 @@ class TestArguments:
             ckernel.library.exponents("plain", *given, 0, runs, 9, omega, room)
 
 
-@built
 @pytest.mark.parametrize("points", [3, 20])
 def test_many_factors_are_taken_in_portions(monkeypatch: pytest.MonkeyPatch, points: int) -> None:
     """Of a few points at once, or without copies of the factors where one point has too many."""

@@ -21,8 +21,6 @@ from gearstab.interrupts import Stopped, TimeUp, heed
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular
 
-pytestmark = pytest.mark.skipif(ckernel.library is None, reason="the compiled kernel was not built")
-
 PROMPT = 1.0
 """Seconds of a processor in which a call ends; it looks every 0.05 s."""
 
@@ -44,7 +42,6 @@ def long_call() -> None:
     frequency = np.tile([1.0, -1.0], m // 2) * np.repeat(np.arange(1.0, m // 2 + 1), 2)
     values = np.broadcast_to(frequency, (1, states, m)).copy()
     index = np.arange(states, dtype=np.int64)
-    assert ckernel.library is not None
     ckernel.library.exponents(
         ckernel.simd(), (1, states, states, states, m, 1.0), -0.2 * np.abs(values), values,
         np.full((1, states), 1 / states), index, index, change, 0, points // 8, points,

@@ -8,20 +8,20 @@ from fractions import Fraction
 
 import mpmath as mp
 import numpy as np
+import numpy_kernel
 import pytest
 from oracle import plain
 from oracle import solve as reference
 from systems import KINDS, damped_patterns, patterns, system, two_stage
 
 from gearstab import ckernel
-from gearstab.floquet.kernel import c_kernel, numpy_kernel, threads
+from gearstab.floquet.kernel import c_kernel, threads
 from gearstab.floquet.kernel.invariants import DOUBTFUL, UNSTABLE
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import Array
 from gearstab.systems import build
 
-pytestmark = pytest.mark.skipif(ckernel.library is None, reason="the compiled kernel was not built")
-LEVELS = ckernel.library.levels() if ckernel.library is not None else []
+LEVELS = ckernel.library.levels()
 POINTS = 1501
 
 

@@ -13,7 +13,6 @@ import pytest
 from driven import ERROR, FORCE, PULSES, SMOOTH, integrated_with_backlash, pair, train, with_waves
 from systems import train as shafted
 
-from gearstab import ckernel
 from gearstab.response import driven_response
 from gearstab.response.backlash import KINDS, BacklashResponse, backlash_response, follow
 from gearstab.response.backlash.contact import play, resting
@@ -21,20 +20,6 @@ from gearstab.system import GearSystem
 from gearstab.systems import build
 
 Array = np.ndarray
-LEVELS = ckernel.library.levels() if ckernel.library is not None else []
-
-
-@pytest.fixture(params=["numpy", *LEVELS])
-def kernel(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Each kernel, the compiled one at each of its levels."""
-    level: str = request.param
-    monkeypatch.setenv("GEARSTAB_KERNEL", "numpy" if level == "numpy" else "c")
-    if level != "numpy":
-        monkeypatch.setenv("GEARSTAB_SIMD", level)
-    return level
-
-
-every_kernel = pytest.mark.usefixtures("kernel")
 
 
 def loose(system: GearSystem, *widths: float, zero: str = "middle") -> GearSystem:
@@ -76,7 +61,6 @@ def integrated(name: str) -> tuple[Array, list[tuple[float, int, int]]]:
     return integrated_with_backlash(system, limits, omega, np.concatenate([Q, V]), times)
 
 
-@every_kernel
 @pytest.mark.parametrize("name", CASES)
 def test_histories_against_numerical_integration(name: str) -> None:
     """DOP853 with rtol 1e-12 restarted at all events, which keeps some 1e-11 over a dozen impacts."""
@@ -103,7 +87,6 @@ def test_the_motion_does_not_depend_on_the_samples(name: str) -> None:
     np.testing.assert_array_equal(coarse.cycle.rms, fine.cycle.rms)
 
 
-@every_kernel
 def test_free_flight_is_a_straight_line_between_impacts() -> None:
     """Without load: half a vibration pi/w on each flank, 2 b/v between them."""
     speed, width, w = 1.3, 0.7, 2.0
@@ -126,7 +109,6 @@ def test_free_flight_is_a_straight_line_between_impacts() -> None:
     np.testing.assert_allclose(found.cycle.force_peak, 4.0 * speed / w, rtol=1e-6)
 
 
-@every_kernel
 def test_thrown_up_against_the_load_the_teeth_come_down_again() -> None:
     """A parabola: with f/m = a the tooth that leaves its flank with speed v is back after 2 v/a, with speed v."""
     load, rise = 0.6, 0.5
@@ -150,7 +132,6 @@ def potential(system: GearSystem, found: BacklashResponse) -> Array:
     return found.energy - found.displacement @ system.load
 
 
-@every_kernel
 def test_impacts_without_damping_keep_the_energy() -> None:
     """Through more than a thousand of them."""
     system = loose(train(epsilon=0.0, damping_ratio=0.0), 0.3, 0.2)
@@ -198,7 +179,6 @@ def test_a_free_train_settles_however_it_turns() -> None:
     assert found.cycle.period == 1
 
 
-@every_kernel
 def test_less_than_a_common_period_is_summed_up_as_it_is() -> None:
     """Over what follows the time that is left out, by the samples of a finer history."""
     system = loose(train(Fraction(16, 17)), 0.3, 0.2)
@@ -295,7 +275,6 @@ def test_without_load_there_is_no_drive_side() -> None:
         backlash_response(loose(pair(), 0.4, zero="drive_side"), 3.0, 5.0, (np.zeros(1), np.ones(1)))
 
 
-@every_kernel
 def test_at_rest_the_train_stays_at_rest() -> None:
     system = loose(train(epsilon=0.0), 0.3, 0.2)
     system = replace(system, meshes=tuple(replace(mesh, transmission_error=None) for mesh in system.meshes))
@@ -306,7 +285,6 @@ def test_at_rest_the_train_stays_at_rest() -> None:
                                system.load, atol=1e-13)  # fmt: skip
 
 
-@every_kernel
 def test_a_touch_is_said_to_be_one() -> None:
     """Released twice the static deflection above the flank, an undamped pair just comes down to it."""
     system = loose(pair(load=[2.0]), 0.4)
@@ -324,7 +302,6 @@ def test_a_touch_is_said_to_be_one() -> None:
     np.testing.assert_allclose(dip.events[1].time - dip.events[0].time, 2 * np.sqrt(2 * 1e-9 / 2.0), rtol=1e-3)
 
 
-@every_kernel
 def test_too_many_events_end_a_history(monkeypatch: pytest.MonkeyPatch) -> None:
     # Ten events for every vibration of the fastest mode, 2 rad/s, in a period are allowed as well.
     monkeypatch.setattr(follow, "BUSY", 3 - 10 * 2.0 / 0.01)
@@ -334,7 +311,6 @@ def test_too_many_events_end_a_history(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.isfinite(found.displacement).all()
 
 
-@every_kernel
 def test_growth_beyond_doubles_ends_a_history() -> None:
     system = loose(pair(damping={"matrix": [[-20.0]]}), 0.4)
     found = backlash_response(system, 3.0, 200.0, (np.zeros(1), np.ones(1)), 20)

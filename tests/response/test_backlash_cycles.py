@@ -10,8 +10,6 @@ import pytest
 import systems
 from click.testing import CliRunner
 from driven import integrated_with_backlash
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scenes import ROOT
 
 from gearstab.cli import group
@@ -21,8 +19,6 @@ from gearstab.floquet import solve
 from gearstab.plots import draw
 from gearstab.respond import effort
 from gearstab.response.backlash import BACKLASH_FLAGS, BacklashResponse, backlash_response
-from gearstab.response.backlash.crossing import bernstein, first_below
-from gearstab.response.backlash.measure import extremes
 from gearstab.response.backlash.speeds import speed_cycles
 from gearstab.response.linear.speeds import speed_response
 from gearstab.results import open_result
@@ -199,59 +195,6 @@ def test_only_backlash_is_continued(tmp_path: Path) -> None:
     done = CliRunner().invoke(group, ["sweep", str(source), "-o", str(out), "--set", "methods.response.discard=150"])
     assert done.exit_code != 0
     assert "leaves nothing of 150 cycles" in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("roots", "expected"),
-    [
-        ([0.7], 0.7),
-        ([0.3, 0.30001, 0.9], 0.3),
-        ([0.5, 0.5, 0.8], 0.8),
-        ([0.26, 0.2601], 0.26),
-        ([-0.2, 1.3], None),
-        ([0.0, 0.6], 0.6),
-    ],
-)
-def test_the_first_crossing_of_polynomials_with_known_roots(roots: list[float], expected: float | None) -> None:
-    polynomial = np.polynomial.polynomial.polyfromroots(roots)
-    middle = 0.5 * (min([r for r in roots if r > 0], default=1.0))
-    polynomial = np.concatenate([polynomial * np.sign(np.polynomial.polynomial.polyval(middle, polynomial)), [0.0] * 3])
-    found = first_below(polynomial, 1e-14)
-    if expected is None:
-        assert found is None
-    else:
-        # Two roots d apart are known to about tolerance/d.
-        assert found == pytest.approx(expected, abs=1e-8)
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.lists(st.floats(-1, 1), min_size=3, max_size=14))
-def test_first_crossings_against_dense_samples(coefficients: list[float]) -> None:
-    """Bernstein coefficients at random: nothing is below zero before the crossing, and something is just behind it."""
-    powers = np.linalg.solve(bernstein(len(coefficients) - 1), np.array(coefficients))
-    # Rounding of the powers themselves.
-    tolerance = 1e-14 * np.abs(powers).sum() + 1e-300
-    found = first_below(powers, tolerance)
-    u = np.linspace(0, 1, 2001)
-    values = np.polynomial.polynomial.polyval(u, powers)
-    assert values[u < (2.0 if found is None else found)].min(initial=np.inf) >= -2 * tolerance
-    if found is not None:
-        near = np.polynomial.polynomial.polyval(np.minimum(found + np.geomspace(1e-16, 1, 400), 1.0), powers)
-        assert near.min() < -0.5 * tolerance
-        assert abs(np.polynomial.polynomial.polyval(found, powers)) <= 2 * tolerance or found == 0.0
-
-
-def test_dips_are_found_down_to_the_tolerance() -> None:
-    dip = np.array([0.09, -0.6, 1.0, 0.0, 0.0])  # (u - 0.3)^2
-    assert first_below(dip - [1e-10, 0, 0, 0, 0], 1e-12) == pytest.approx(0.3 - 1e-5, abs=1e-9)
-    assert first_below(dip - [1e-13, 0, 0, 0, 0], 1e-12) is None
-
-
-def test_extremes_between_points() -> None:
-    u = np.linspace(0, 1, 129)
-    low, high = extremes(np.stack([np.sin(3 * u), np.cos(5 * u - 2)], axis=1))
-    np.testing.assert_allclose(high, [1.0, 1.0], atol=1e-6)
-    np.testing.assert_allclose(low, [0.0, np.cos(3)], atol=1e-6)
 
 
 def test_the_file_holds_events_and_the_limit_cycle(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
-"""The compiled kernel follows motions with backlash as the NumPy loop does, and refuses what it cannot."""
+"""The compiled kernel follows motions with backlash as DOP853 does, and refuses what it cannot."""
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -12,8 +12,9 @@ import systems
 from driven import SMOOTH, integrated_with_backlash, train, with_waves
 
 from gearstab import ckernel
+from gearstab.errors import NotPossible
 from gearstab.response import driven_response
-from gearstab.response.backlash import BacklashResponse, LimitCycle, backlash_response, compiled, follow
+from gearstab.response.backlash import BACKLASH_FLAGS, LimitCycle, backlash_response, follow
 from gearstab.response.backlash.contact import play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
 from gearstab.response.backlash.polynomials import extremes_of, product, sampled
@@ -22,9 +23,7 @@ from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Fourier
 
-pytestmark = pytest.mark.skipif(ckernel.library is None, reason="the compiled kernel was not built")
 LIBRARY: Any = ckernel.library
-LEVELS = LIBRARY.levels() if LIBRARY is not None else []
 
 Array = np.ndarray
 
@@ -58,74 +57,77 @@ CASES: dict[str, tuple[GearSystem, float]] = {
 }
 
 
-def both(system: GearSystem, omega: float, *given: Any) -> list[BacklashResponse]:
-    """By the NumPy loop, and by the compiled one."""
-    found = []
-    for kernel in ckernel.NAMES:
-        with ckernel.using(kernel):
-            found.append(backlash_response(system, omega, *given))
-    return found
-
-
 def pushed(system: GearSystem) -> tuple[Array, Array]:
     return resting(system, play(system)), 2.0 * np.cos(np.arange(system.size))
 
 
-@pytest.mark.parametrize("level", LEVELS)
+def ends(system: GearSystem) -> Array:
+    teeth = play(system)
+    return np.stack([teeth.low, teeth.high], axis=1)
+
+
 @pytest.mark.parametrize("name", CASES)
-def test_both_follow_the_same_motion(name: str, level: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Over a number of impacts, each of which makes errors larger; smooth functions are known to 1e-12 in a piece."""
-    monkeypatch.setenv("GEARSTAB_SIMD", level)
+def test_motions_are_those_of_an_integrator(name: str) -> None:
+    """Over a number of impacts, each of which makes the errors of DOP853 larger; planets have many more."""
     system, omega = CASES[name]
-    expected, found = both(system, omega, 40.0, pushed(system), 30)
-    assert len(expected.events) >= 8
-    assert [(e.mesh, e.kind) for e in found.events] == [(e.mesh, e.kind) for e in expected.events]
-    for part in ("time", "speed"):
-        a, b = ([getattr(event, part) for event in one.events] for one in (found, expected))
-        np.testing.assert_allclose(a, b, rtol=0, atol=1e-10)
-    np.testing.assert_allclose(found.displacement, expected.displacement, rtol=0, atol=1e-10)
-    np.testing.assert_array_equal(found.contact, expected.contact)
-    assert found.flags == expected.flags
+    start = pushed(system)
+    found = backlash_response(system, omega, 40.0 if len(system.meshes) < 6 else 4.0, start, 30)
+    reference, changes = integrated_with_backlash(system, ends(system), omega, np.concatenate(start), found.time)
+    assert len(changes) == len(found.events) >= 8
+    np.testing.assert_allclose([e.time for e in found.events], [time for time, *_ in changes], rtol=0, atol=1e-7)
+    assert [e.mesh for e in found.events] == [mesh for _, mesh, _ in changes]
+    np.testing.assert_allclose(found.displacement, reference[:, : system.size], rtol=0, atol=1e-7)
     assert isinstance(found.cycle, LimitCycle)
-    for field in fields(LimitCycle):
-        # Extremes by parabolas through values 1/128 of a piece apart, and smooth functions make other pieces.
-        np.testing.assert_allclose(getattr(found.cycle, field.name), getattr(expected.cycle, field.name), atol=1e-8)
 
 
-@pytest.mark.parametrize("width", [1e-9, 1e-3, 0.05])
+@pytest.mark.parametrize("width", [1e-3, 0.05])
 def test_narrow_play_is_met_on_both_sides(width: float) -> None:
     """Teeth that bounce between their flanks: the shorter the flight, the closer the events."""
     system = build(systems.pair({"backlash": width, "epsilon": 0.0}))
-    expected, found = both(system, 1.0, 30.0, (np.array([0.3]), np.array([0.2])), 10)
-    assert {event.kind for event in expected.events} == {0, 1, 2}
-    np.testing.assert_allclose([e.time for e in found.events], [e.time for e in expected.events], atol=1e-11)
+    start = np.array([0.3]), np.array([0.2])
+    found = backlash_response(system, 1.0, 30.0, start, 10)
+    assert {event.kind for event in found.events} == {0, 1, 2}
+    _, changes = integrated_with_backlash(system, ends(system), 1.0, np.concatenate(start), found.time)
+    np.testing.assert_allclose([e.time for e in found.events], [time for time, *_ in changes], atol=1e-8)
 
 
-@pytest.mark.parametrize("above", [1.0, 0.9, 1.0 + 1e-9, 1.0 - 1e-13, 1.0 + 1e-13, 1.0 + 1e-5])
-def test_touches_are_judged_alike(above: float) -> None:
+def test_hardly_any_play_hardly_matters() -> None:
+    item = systems.pair({"backlash": 1e-9, "epsilon": 0.0})
+    start = np.array([0.3]), np.array([0.2])
+    found = backlash_response(build(item), 1.0, 30.0, start, 10)
+    assert {event.kind for event in found.events} == {0, 1, 2}
+    expected = driven_response(build(systems.pair({"epsilon": 0.0})), 1.0, *start, 30.0, 10)
+    # Ten flights of 1e-9 at a speed of about 0.3.
+    np.testing.assert_allclose(found.displacement, expected.displacement, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("above", "parts", "grazes"),
+    [(0.9, 0, False), (1.0 - 1e-13, 0, True), (1.0, 0, True), (1.0 + 1e-13, 0, True), (1.0 + 1e-9, 1, True),
+     (1.0 + 1e-5, 1, True)],
+)  # fmt: skip
+def test_how_touches_are_judged(above: float, parts: bool, grazes: bool) -> None:
     """An undamped pair that swings down to its flank, or hardly beyond, with 2 of load on a stiffness of 4."""
     system = build(systems.pair({"backlash": 0.4, "epsilon": 0.0, "mean_stiffness": 4.0}, load=[2.0]))
     start = np.array([0.2 + 0.5 + 0.5 * above]), np.zeros(1)
-    expected, found = both(system, 3.0, 20.0, start, 20)
-    assert found.flags == expected.flags
-    assert len(found.events) == len(expected.events)
+    found = backlash_response(system, 3.0, 20.0, start, 20)
+    # What is passed by 1e-12 of the play is no contact; what is missed by 1e-6 of it is a graze.
+    assert (len(found.events) > 0) == parts
+    assert bool(found.flags & BACKLASH_FLAGS["grazing"]) == grazes
 
 
 def test_the_largest_system_of_the_tests() -> None:
-    """A planar planetary gear: eighteen coordinates, by both kernels and by DOP853."""
+    """A planar planetary gear: eighteen coordinates."""
     system = planetary("planar")
-    teeth, start = play(system), pushed(system)
-    expected, found = both(system, 1.1, 6.0, start, 20)
-    limits = np.stack([teeth.low, teeth.high], axis=1)
-    reference, changes = integrated_with_backlash(system, limits, 1.1, np.concatenate(start), found.time)
-    assert len(changes) == len(found.events) == len(expected.events) >= 6
+    start = pushed(system)
+    found = backlash_response(system, 1.1, 6.0, start, 20)
+    reference, changes = integrated_with_backlash(system, ends(system), 1.1, np.concatenate(start), found.time)
+    assert len(changes) == len(found.events) >= 6
     np.testing.assert_allclose(found.displacement, reference[:, : system.size], atol=1e-8)
-    np.testing.assert_allclose(found.displacement, expected.displacement, atol=1e-11)
 
 
-@pytest.mark.parametrize("kernel", ckernel.NAMES)
 @pytest.mark.parametrize("stiffer", [1.0, 2.0**26, 2.0**40])
-def test_units_do_not_matter(kernel: str, stiffer: float) -> None:
+def test_units_do_not_matter(stiffer: float) -> None:
     """Stiffnesses as in SI units, under a load that keeps the teeth in contact: the motion of the linear system."""
     system, faster = train(), np.sqrt(stiffer)
     meshes = tuple(
@@ -138,8 +140,7 @@ def test_units_do_not_matter(kernel: str, stiffer: float) -> None:
         load=np.array([3.0, 0.0, 8.0]) * stiffer,
     )  # fmt: skip
     q, v, end = resting(system, play(system)), np.array([0.05, -0.03, 0.1]) * faster, 20.0 / faster
-    with ckernel.using(kernel):
-        found = backlash_response(system, 1.9 * faster, end, (q, v), 30)
+    found = backlash_response(system, 1.9 * faster, end, (q, v), 30)
     assert not found.events
     expected = driven_response(system, 1.9 * faster, q, v, end, 30)
     np.testing.assert_allclose(found.displacement, expected.displacement, rtol=1e-12)
@@ -153,25 +154,22 @@ def model(system: GearSystem, omega: float) -> Dynamics:
 def test_contacts_are_forgotten_when_they_are_too_many(monkeypatch: pytest.MonkeyPatch) -> None:
     system = planetary("rotational")
     expected = backlash_response(system, 1.3, 30.0, pushed(system), 20)
-    monkeypatch.setattr(compiled, "MOST_KEPT", 0)
+    monkeypatch.setattr(follow, "MOST_KEPT", 0)
     found = backlash_response(system, 1.3, 30.0, pushed(system), 20)
     np.testing.assert_array_equal(found.displacement, expected.displacement)
 
 
-def test_functions_too_rough_for_series_are_left_to_the_other_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_functions_too_rough_for_series_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     system, omega = CASES["many harmonics"]
-    expected = backlash_response(system, omega, 20.0, pushed(system), 10)
-    monkeypatch.setattr(compiled, "MOST_CELLS", 4)
-    assert compiled.timetable(model(system, omega)) is None
-    found = backlash_response(system, omega, 20.0, pushed(system), 10)
-    np.testing.assert_allclose(found.displacement, expected.displacement, atol=1e-10)
+    monkeypatch.setattr(follow, "MOST_CELLS", 4)
+    with pytest.raises(NotPossible, match="too rough"):
+        backlash_response(system, omega, 20.0, pushed(system), 10)
 
 
 def test_cells_hold_the_functions() -> None:
     """At places of their own, to rounding."""
     prepared = model(*CASES["many harmonics"])
-    table = compiled.timetable(prepared)
-    assert table is not None
+    table = follow.timetable(prepared, 1e-12)
     u = np.linspace(0.01, 0.99, 7)
     tau = (table.span[:, :1] + u * np.diff(table.span)) / prepared.motion.period
     values = np.einsum("xk,ckj->cxj", np.vander(u, table.order, increasing=True), table.shapes)
@@ -179,9 +177,7 @@ def test_cells_hold_the_functions() -> None:
     np.testing.assert_allclose(table.span[1:, 0], table.span[:-1, 1], rtol=1e-15)
 
 
-@pytest.mark.parametrize("level", LEVELS)
-def test_polynomials_of_both_kernels(level: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("GEARSTAB_SIMD", level)
+def test_values_and_extremes_of_polynomials() -> None:
     random = np.random.default_rng(0)
     powers = random.normal(size=(9, 25, 3)) / (1 + np.arange(25.0)[:, None]) ** 2
     counts = np.array([0, 3, 1, 0, 70, 8, 16, 0, 33])
@@ -190,13 +186,8 @@ def test_polynomials_of_both_kernels(level: str, monkeypatch: pytest.MonkeyPatch
     expected = np.einsum("xk,xki->xi", np.vander(u, 25, increasing=True), powers[of, :, :2])
     np.testing.assert_allclose(sampled(powers, first, u, 2), expected, atol=1e-14)
     dense = np.einsum("xk,skc->xsc", np.vander(np.linspace(0, 1, 20001), 25, increasing=True), powers)
-    found = {}
-    for kernel in ckernel.NAMES:
-        with ckernel.using(kernel):
-            found[kernel] = extremes_of(powers)
-            # The height of an extreme between points 1/128 apart, by parabolas.
-            np.testing.assert_allclose(found[kernel], [dense.min(axis=0), dense.max(axis=0)], atol=1e-5)
-    np.testing.assert_allclose(found["c"], found["numpy"], atol=1e-14)
+    # The height of an extreme between points 1/128 apart, by parabolas.
+    np.testing.assert_allclose(extremes_of(powers), [dense.min(axis=0), dense.max(axis=0)], atol=1e-5)
 
 
 def test_products_of_polynomials() -> None:
@@ -218,13 +209,11 @@ class TestArguments:
 
             def follow(self, *given: Any) -> tuple[int, int]:
                 calls.append(list(given))
-                return compiled.CHATTERS, 0
+                return follow.CHATTERS, 0
 
         system, omega = CASES["planets"]
         prepared = model(system, omega)
-        table = compiled.timetable(prepared)
-        assert table is not None
-        motion = compiled.follow(prepared, prepared.motion.state(*pushed(system)), 1e-12, table)
+        motion = follow.follow(prepared, prepared.motion.state(*pushed(system)), 1e-12)
         monkeypatch.setattr(ckernel, "library", Library())
         with pytest.raises(follow.Chatter):
             next(motion)
@@ -232,7 +221,7 @@ class TestArguments:
 
     def test_right_sizes_are_accepted(self, given: list[Any]) -> None:
         # The first contact is not known yet.
-        assert LIBRARY.follow(*given) == (compiled.UNKNOWN, 0)
+        assert LIBRARY.follow(*given) == (follow.UNKNOWN, 0)
 
     @pytest.mark.parametrize("position", [2, 3, 4, 5, 6, 10, 11, 12, 13, 14, 15, 16])
     def test_short_arrays(self, position: int, given: list[Any]) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import gearstab as gs
-from gearstab import ckernel
 from gearstab.propagation.segment import States
 from gearstab.response.linear import bundles
 from gearstab.response.linear.periodic import harmonics
@@ -37,15 +36,13 @@ def _one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(States, "eigen", None)
 
 
-@pytest.mark.parametrize("kernel", ckernel.available())
 @pytest.mark.parametrize("entries", [1, 500, 10**6])
-def test_intervals_together_are_those_one_by_one(monkeypatch: pytest.MonkeyPatch, kernel: str, entries: int) -> None:
+def test_intervals_together_are_those_one_by_one(monkeypatch: pytest.MonkeyPatch, entries: int) -> None:
     system = gs.build({"system": TRAIN}, epsilon=np.array([0.1, 0.2, 0.3]))
     monkeypatch.setattr(bundles, "ENTRIES", entries)
-    with ckernel.using(kernel):
-        together = speed_response(system, OMEGA, samples_per_cycle=30)
-        _one_by_one(monkeypatch)
-        alone = speed_response(system, OMEGA, samples_per_cycle=30)
+    together = speed_response(system, OMEGA, samples_per_cycle=30)
+    _one_by_one(monkeypatch)
+    alone = speed_response(system, OMEGA, samples_per_cycle=30)
     assert np.isfinite(together.mesh_force_peak).all()
     for name in (field.name for field in fields(alone)):
         _close(getattr(together, name), getattr(alone, name))

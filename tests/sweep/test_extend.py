@@ -249,7 +249,7 @@ def test_what_cannot_be_extended_is_one_line(config: Path, tmp_path: Path, chang
 
 def test_results_computed_otherwise_are_refused(config: Path, tmp_path: Path) -> None:
     old, more = result(planned(config, COARSE), tmp_path / "old.h5"), planned(config, GROWN["a part of it"])
-    for name, value in (("gearstab_version", "0.0.1"), ("kernel_chosen", "fortran"), ("numpy_version", "0.1")):
+    for name, value in (("gearstab_version", "0.0.1"), ("numpy_version", "0.1")):
         other = tmp_path / f"{name}.h5"
         other.write_bytes(old.read_bytes())
         rewrite_attributes(other, {name: value})

@@ -194,8 +194,6 @@ ANY: dict[str, Forgery] = {
     "negative counts": header(unstable=-1),
     "failed points": header(failed=10**30),
     "unknown flags": header(flags={"\x1b[31mx\n": 3}),
-    "unknown kernels": header(kernels=("fortran\n",)),
-    "surrogates": header(kernels=("\ud800",)),
     "another block": header(key="floquet-999999"),
     "other names": lambda part: replace(same(part), places={f"{k}x": v for k, v in same(part).places.items()}),
 }  # fmt: skip

@@ -101,17 +101,6 @@ def test_what_changes_numbers_changes_the_digest_of_parts() -> None:
         assert base.digest != plan(load(FIG3, [other])).digest
 
 
-def test_the_kernel_is_part_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    digests = set()
-    for kernel in ("numpy", "c"):
-        monkeypatch.setenv("GEARSTAB_KERNEL", kernel)
-        try:
-            digests.add(plan(load(FIG3)).digest)
-        except UserError:
-            pytest.skip("the compiled kernel was not built")
-    assert len(digests) == 2
-
-
 def test_an_unknown_kernel_is_the_users_mistake(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GEARSTAB_KERNEL", "fortran")
     with pytest.raises(UserError, match="fortran"):

@@ -352,7 +352,7 @@ HEADER_VALUES = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=6,
 )
-KEYS = ("digest", "key", "tongues", "chunks", "points", "unstable", "failed", "flags", "kernels")
+KEYS = ("digest", "key", "tongues", "chunks", "points", "unstable", "failed", "flags")
 
 
 @settings(max_examples=200)

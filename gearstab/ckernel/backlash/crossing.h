@@ -1,5 +1,5 @@
-/* The first time at which a polynomial falls below zero, and whether it nearly does: gearstab/response/backlash/crossing.py
-   and follow.py say what is found and why none is missed (Farouki 2012, sections 3.3 and 5). */
+/* The first time at which a polynomial falls below zero, and whether it nearly does: gearstab/response/backlash/follow.py
+   says what is found and why none is missed (Farouki 2012, sections 3.3 and 5). */
 
 #ifndef GEARSTAB_CROSSING_H
 #define GEARSTAB_CROSSING_H

@@ -1,4 +1,4 @@
-/* The Morse indices of a period, see gearstab/floquet/boundaries/counting/points.py, which says what they are and where they come from.
+/* The Morse indices of a period, see gearstab/floquet/boundaries/counting/krein.py, which says what they are and where they come from.
 
    Whole numbers of the path of matrices over the period, which the monodromy matrix alone cannot give. They are asked for at
    a few points only (between two of them they follow from monotony, see letters.c), so that one point at a time does. */

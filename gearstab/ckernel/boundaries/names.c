@@ -1,4 +1,4 @@
-/* Which roots (p, q, M) the regions of a row are named after, see labels.py: assign() and what it calls. */
+/* Which roots (p, q, M) the regions of a row are named after, see labels.py. */
 
 #include <math.h>
 #include <stdlib.h>
@@ -6,7 +6,6 @@
 
 #include "kernel.h"
 
-/* The same as in labels.py. */
 #define REACH 1.3
 #define NEARNESS 0.1
 #define DISTANCE 0.1

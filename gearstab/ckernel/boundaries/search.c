@@ -165,6 +165,21 @@ static int add_edge(struct window *w, const struct bracket *b, const struct find
     return 0;
 }
 
+/* List two stable points between which there are collisions. */
+static int add_collision(struct window *w, const struct sample *left, const struct sample *right) {
+    if (!left->indexed || !right->indexed || compare(left, right, 0).kind == NOTHING)
+        return 0;
+    for (int side = 0; side < 2; side++) {
+        const struct sample *s = side ? right : left;
+        if (grow(&w->edge, &w->edge_room, w->edges + 1, sizeof *w->edge))
+            return -1;
+        struct edge *edge = &w->edge[w->edges++];
+        *edge = (struct edge){.row = w->row, .cycle = s->cycle, .enters = side ? AFTER : BEFORE};
+        collisions_of(s, w->n, 1, w->phase, edge->passed);
+    }
+    return 0;
+}
+
 /* A point of a bracket at a part of its width that differs from attempt to attempt. */
 static double somewhere(const struct bracket *b, double left, double right) {
     double part = 0.5 + 0.11 * b->failures * (b->failures % 2 ? 1 : -1);
@@ -179,7 +194,8 @@ static int advance(struct window *w, const struct bracket *b, struct finding *fo
     *found = classify(w, b);
     if (found->kind == NOTHING)
         return 0;
-    if (width <= (is_edge ? tolerance : w->order->floor * left->cycle) || b->failures >= ATTEMPTS)
+    double least = is_edge ? tolerance : (left->stable ? w->order->floor : w->order->gap) * left->cycle;
+    if (width <= least || b->failures >= ATTEMPTS)
         return is_edge ? add_edge(w, b, found, 0.5 * (left->cycle + right->cycle), width) : 0;
     *cycle = somewhere(b, left->cycle, right->cycle);
     if (b->failures > 0 || b->age >= PATIENCE)
@@ -213,7 +229,7 @@ static void divide(struct window *w, const struct bracket *b, int point, int smo
 }
 
 /* Leave out what lies between two stable points less than a floor apart: a tongue in there is narrower still. */
-static void leave_narrow(struct window *w) {
+static int leave_narrow(struct window *w) {
     int kept = 0;
     for (int i = 0, end; i < w->opens; i = end) {
         const struct sample *first = at(w, w->open[i].left);
@@ -222,19 +238,22 @@ static void leave_narrow(struct window *w) {
             while (!at(w, w->open[end - 1].right)->stable && end < w->opens && w->open[end].left == w->open[end - 1].right)
                 end++;
         const struct sample *last = at(w, w->open[end - 1].right);
-        if (first->stable && last->stable && last->cycle - first->cycle <= w->order->floor * first->cycle)
+        if (first->stable && last->stable && last->cycle - first->cycle <= w->order->floor * first->cycle) {
+            if (w->order->gap < w->order->floor && add_collision(w, first, last))
+                return -1;
             continue;
+        }
         for (int k = i; k < end; k++)
             w->open[kept++] = w->open[k];
     }
     w->opens = kept;
+    return 0;
 }
 
 static int refine(struct window *w) {
     while (w->opens > 0) {
         int asking = 0;
-        leave_narrow(w);
-        if (room_for_points(w, w->opens) || room_for_brackets(w, 2 * w->opens))
+        if (leave_narrow(w) || room_for_points(w, w->opens) || room_for_brackets(w, 2 * w->opens))
             return -1;
         for (int i = 0; i < w->opens; i++) {
             int more = advance(w, &w->open[i], &w->found[asking], &w->cycle[asking]);

@@ -307,7 +307,7 @@ static PyMethodDef METHODS[] = {
     {"extremes", py_extremes, METH_VARARGS, "extremes(count, degree, size, powers, points, low, high)"},
     {"edges", py_edges, METH_VARARGS,
      "edges(level, numbers, squared, fractions, state, change, segments, states, squared, fractions, state, change, first, last, "
-     "tolerance, floor, density, start, stop) -> bytes of edges and of what is known of rows first..last-1"},
+     "tolerance, floor, gap, density, start, stop) -> bytes of edges and of what is known of rows first..last-1"},
     {"shares", py_shares, METH_VARARGS,
      "shares(level, numbers, squared, fractions, state, change, segments, states, squared, fractions, state, change, first, "
      "last, points, modes, turn, row, cycle) -> bytes of the shares of points first..last-1"},

@@ -1,4 +1,4 @@
-/* Motions whose teeth may part as Python functions, see module.c and gearstab/response/backlash/compiled.py. */
+/* Motions whose teeth may part as Python functions, see module.c and gearstab/response/backlash/follow.py. */
 
 #include "module.h"
 

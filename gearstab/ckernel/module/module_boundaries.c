@@ -14,15 +14,15 @@ PyObject *py_edges(PyObject *self, PyObject *arguments) {
     struct order order = {.exact = &pattern, .coarse = &coarse};
     const char *name;
     Py_ssize_t rows, segments, states, n, more, kinds, first, last;
-    if (!PyArg_ParseTuple(arguments, PATTERN "nnOOOOnndddOO", PATTERN_ARGUMENTS, &more, &kinds, &o[4], &o[5], &o[6], &o[7], &first,
-                          &last, &order.tolerance, &order.floor, &order.density, &o[8], &o[9]) ||
+    if (!PyArg_ParseTuple(arguments, PATTERN "nnOOOOnnddddOO", PATTERN_ARGUMENTS, &more, &kinds, &o[4], &o[5], &o[6], &o[7], &first,
+                          &last, &order.tolerance, &order.floor, &order.gap, &order.density, &o[8], &o[9]) ||
         !take(&b, o, PATTERN_TYPES PATTERN_TYPES "dd"))
         return finish(&b, 1, 0);
     order.level = level_named(name);
     coarse = (struct conservative){.cycles = pattern.cycles, .limits = pattern.limits};
     int fit = order.level && set_conservative(&pattern, rows, segments, states, n, b.view) &&
               set_conservative(&coarse, rows, more, kinds, n, b.view + 4) && 0 <= first && first <= last && last <= rows &&
-              FITS(&b.view[8], 8, rows) && FITS(&b.view[9], 8, rows) && order.tolerance > 0 && order.floor > 0;
+              FITS(&b.view[8], 8, rows) && FITS(&b.view[9], 8, rows) && order.tolerance > 0 && order.floor > 0 && order.gap > 0;
     if (!fit)
         return finish(&b, 0, 0);
     struct edge *edges = NULL;

@@ -1,7 +1,7 @@
 /* How far the traces rho = lambda + 1/lambda of many points have moved between two computations.
 
    It takes 2 to 6 % of the time of a smooth sweep (waveforms/harmonics.yaml and trapezoidal.yaml of configs/, 40 x 1024 and
-   1 x 4000 points); the same in NumPy (numpy_kernel.py) takes 13 to 34 % and makes the whole 1.15 to 1.5 times as long. */
+   1 x 4000 points). */
 
 #include <float.h>
 #include <math.h>
@@ -47,7 +47,7 @@ void gearstab_trace_change(int64_t count, int64_t n, double weight, const double
     }
 }
 
-/* The numbers of numpy_kernel.trace_condition: rho (count, n, 2), least, moved and apart (count,). */
+/* The numbers of c_kernel.trace_condition: rho (count, n, 2), least, moved and apart (count,). */
 void gearstab_trace_condition(int64_t count, int64_t n, const double *rho, const double *least, double *moved,
                               double *apart) {
     for (int64_t p = 0; p < count; p++, rho += 2 * n) {

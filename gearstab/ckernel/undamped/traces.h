@@ -5,7 +5,7 @@
 #ifndef GEARSTAB_TRACES_H
 #define GEARSTAB_TRACES_H
 
-/* ---- n <= 3: elementary symmetric functions of the rho, see numpy_kernel.py */
+/* ---- n <= 3: elementary symmetric functions of the rho, see c_kernel.py */
 
 #define M(i, j) x[(j) * 2 * n + (i)]
 #define E_(i, j) (M(i, j) + M(n + (j), n + (i)))

@@ -339,10 +339,9 @@ MOST_MODES = 24
 
 
 def _provenance(config: Config) -> Iterator[Block]:
-    from gearstab.floquet.kernel import choice as kernel
     from gearstab.results.provenance import root_attributes
 
-    known = root_attributes("report", config, kernel.name())
+    known = root_attributes("report", config)
     names = ("gearstab_version", "kernel", "numpy_version", "python_version", "created", "config_digest")
     yield Heading("Versions and configuration")
     yield Table(["", ""], [[name.replace("_", " "), str(known[name])] for name in names])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,9 +16,6 @@ if TYPE_CHECKING:
     from gearstab.config import Axis
     from gearstab.sweep import Plan, Reporter, Summary
     from gearstab.sweep.effort.estimate import Estimate
-
-
-SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower NumPy kernel"
 
 
 @click.command(name="sweep", short_help="Compute a grid.")
@@ -90,8 +86,6 @@ def command(
             tell(line)
         for note in [] if summary.complete else remarks.notes(planned, summary):
             tell(f"note: {note}")
-        if slow_kernel(planned, summary):
-            tell(SLOW_KERNEL)
 
 
 def grown(plan: Plan, old: Path, told: Reporter) -> Plan:
@@ -108,17 +102,6 @@ def notes(plan: Plan) -> list[str]:
     """Return notes on choices that were made automatically."""
     found = [layout.method.note() for layout in plan.layouts]
     return [note for note in found if note is not None]
-
-
-def slow_kernel(plan: Plan, summary: Summary) -> bool:
-    """Whether a sweep ran on the NumPy kernel because there is no other, and not because the user chose it.
-
-    Systems with periodic terms have no faster one.
-    """
-    from gearstab.floquet.kernel import choice as kernel
-
-    chosen = os.environ.get("GEARSTAB_KERNEL") or "c" in kernel.available()
-    return "numpy" in summary.kernels and not chosen and not plan.base.terms
 
 
 def final_line(target: Path, summary: Summary, seconds: float) -> str:
@@ -152,7 +135,7 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     lines += [*said, ""] if said else []
     lines.append(f"points        {plan.points:,} of {plan.systems:,} system{'s' * (plan.systems != 1)}")
     processors = f"{found.jobs} processor{'s' * (found.jobs != 1)}"
-    lines.append(f"time          {found.time} on {processors} ({plan.kernel} kernel)")
+    lines.append(f"time          {found.time} on {processors}")
     lines.append(f"memory        {size(found.memory)}")
     lines.append(f"file          {size(found.file_size)}, {target}")
     if reasons := large(plan, found):

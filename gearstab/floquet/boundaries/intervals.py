@@ -57,6 +57,12 @@ class Intervals:
         index = np.asarray(index, dtype=int)
         return Intervals(*(getattr(self, f.name)[index] for f in fields(self)))
 
+    def joined(self, other: Intervals) -> Intervals:
+        """Return both, by row and start."""
+        columns = [np.concatenate([getattr(part, f.name) for part in (self, other)]) for f in fields(self)]
+        order = np.lexsort((columns[1], columns[0]))
+        return Intervals(*(column[order] for column in columns))
+
     def __len__(self) -> int:
         return len(self.row)
 

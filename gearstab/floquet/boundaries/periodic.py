@@ -25,7 +25,7 @@ from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fast
 from gearstab.floquet.boundaries.parts import Part
 from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms, free_rotations
 from gearstab.floquet.general.solve import SLIVER, varying
-from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.segments.pattern import Pattern
@@ -135,7 +135,7 @@ def _controlled(own: PeriodicPart, limits: Limits) -> tuple[Chain, SearchResult]
         half = own.flow(CF6_5, doublings - 1)
 
         def stable(row: Array, cycle: Array, half: Chain = half) -> Array:
-            return kernel.current().moduli(half, row, cycle)[:, 0] <= 0
+            return kernel.moduli(half, row, cycle)[:, 0] <= 0
 
         error = smooth.edge_errors(found.intervals, stable, limits.tolerance)
         if np.all(error <= limits.tolerance) or attempt == smooth.ATTEMPTS:
@@ -151,9 +151,9 @@ def resolution(own: PeriodicPart, limits: Limits, scheme: Scheme, tolerance: flo
     low, high = limits.cycles(own.part.pattern)
     cycle = np.geomspace(low, high, smooth.PILOTS, axis=1).ravel()
     row = np.repeat(np.arange(len(low)), smooth.PILOTS)
-    before = kernel.current().moduli(own.flow(scheme, COARSEST - 1), row, cycle)[:, 0]
+    before = kernel.moduli(own.flow(scheme, COARSEST - 1), row, cycle)[:, 0]
     for doublings in range(COARSEST, FINEST):
-        after = kernel.current().moduli(own.flow(scheme, doublings), row, cycle)[:, 0]
+        after = kernel.moduli(own.flow(scheme, doublings), row, cycle)[:, 0]
         if np.all(SAFETY / (2**scheme.order - 1) * np.abs(after - before) < tolerance):
             return doublings
         before = after

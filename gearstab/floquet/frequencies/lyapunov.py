@@ -22,7 +22,6 @@ import numpy as np
 
 from gearstab.floquet.frequencies.propagation import growths
 from gearstab.floquet.frequencies.smooth import windows
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import Pattern, window
@@ -74,7 +73,6 @@ def solve(
         raise ValueError(
             "Lyapunov exponents need systems of which only the mesh stiffness varies, with symmetric damping"
         )
-    kernel.record("numpy")
     omega = system.operating_points(mesh_frequency)
     growth, upper, lower = (np.full(omega.shape, -np.inf) for _ in range(3))
     status = np.zeros(omega.shape, dtype=np.int16)

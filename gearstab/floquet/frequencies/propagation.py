@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from gearstab.floquet.kernel import damped
-from gearstab.floquet.kernel.numpy_kernel import rotation
+from gearstab.floquet.kernel.factors import rotation
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 

@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 
 from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms
-from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, settled
 from gearstab.interrupts import heed
@@ -87,7 +87,7 @@ def analyse(
     status[stable < 0] |= STATUS_FLAGS["failed"]
     table = None if table is None else table.reshape(*shape, -1)
     return FloquetStability(
-        growth.reshape(shape), stable.reshape(shape), status.reshape(shape), table, error.reshape(shape), kernel.name()
+        growth.reshape(shape), stable.reshape(shape), status.reshape(shape), table, error.reshape(shape)
     )
 
 
@@ -268,7 +268,7 @@ def _graded(division: _Division, row: ElasticForm, index: int, period: Array) ->
         part, count, more = slice(begin, begin + at_once), 0, SPREAD
         while True:
             factors, scale = _factors(division.pieces(row, index), time[part], more)
-            logs[part] = kernel.current().graded(factors) + scale[:, None]
+            logs[part] = kernel.graded(factors) + scale[:, None]
             widest = float(np.ptp(logs[part].real, axis=1).max())
             # Multipliers may be further apart than the states tell, as those of instabilities are.
             if len(factors) == count or not widest > 1.5 * WIDTH * len(factors):

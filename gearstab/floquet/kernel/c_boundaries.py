@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.floquet.kernel.c_kernel import contiguous, cost, library, pattern_arguments, portions
+from gearstab.floquet.kernel.c_kernel import contiguous, cost, pattern_arguments, portions
 from gearstab.floquet.kernel.threads import in_threads
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
@@ -24,6 +24,7 @@ NAME = np.dtype([("region", "i8"), ("p", "i8"), ("q", "i8"), ("cycles", "i8")])
 """``struct name`` of kernel.h."""
 EDGE = np.dtype([("row", "i8"), ("cycle", "f8"), ("error", "f8"), ("enters", "i8"), ("passed", "i8", 3)])
 """``struct edge`` of kernel.h."""
+BEFORE, AFTER = 2, 3
 REACH = np.dtype([("evaluations", "i8"), ("stable", "i8", 2), ("passed", "i8", (2, 3))])
 """``struct reach`` of kernel.h."""
 
@@ -35,13 +36,16 @@ def edges(
     last: Array,
     tolerance: float,
     floor: float,
+    gap: float,
     density: float,
     limit: int | None = None,
 ) -> tuple[Array, Array]:
     """Edges of instability regions (EDGE, by row and place) between two cycles ``(r,)``, and what is known of the rows
     (REACH, ``(r,)``).
 
-    coarse: the pattern that gives the rotation counts, of the same rows; density: points of the scan a collision.
+    coarse: the pattern that gives the rotation counts, of the same rows; gap: the least width of a stable gap between
+    two regions; density: points of the scan a collision. With a gap below the floor collisions that open no wider
+    region are listed too, as two stable points on both sides (BEFORE, AFTER).
     """
     begin, end = contiguous(first), contiguous(last)
     found: dict[int, tuple[Array, bytes]] = {}
@@ -50,7 +54,7 @@ def edges(
         given = pattern_arguments(pattern, rows)
         other = given if coarse is pattern else pattern_arguments(coarse, rows)
         arguments = (*given, *other[0][1:3], *other[1:])
-        options = (tolerance, floor, density, begin[rows], end[rows])
+        options = (tolerance, floor, gap, density, begin[rows], end[rows])
 
         count = rows.stop - rows.start
 
@@ -62,7 +66,9 @@ def edges(
             count: int = count,
         ) -> None:
             for run in range(low * RUN, min(high * RUN, count), RUN):
-                of_edges, of_rows = library().edges(ckernel.simd(), *all_of[0], run, min(run + RUN, count), *all_of[1])
+                of_edges, of_rows = ckernel.library.edges(
+                    ckernel.simd(), *all_of[0], run, min(run + RUN, count), *all_of[1]
+                )
                 own = np.frombuffer(of_edges, dtype=EDGE).copy()
                 own["row"] += base
                 found[base + run] = own, of_rows
@@ -98,7 +104,7 @@ def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Ar
         points = (*bases, index[low:high] - rows.start, place[low:high])
 
         def part(first: int, last: int, all_of: tuple[Any, ...] = (arguments, points), base: int = int(low)) -> None:
-            raw = library().shares(ckernel.simd(), *all_of[0], first, last, len(all_of[1][2]), *all_of[1])
+            raw = ckernel.library.shares(ckernel.simd(), *all_of[0], first, last, len(all_of[1][2]), *all_of[1])
             own = np.frombuffer(raw, dtype=SHARE)
             own["point"] = order[own["point"] + base]
             found[base + first] = own
@@ -120,4 +126,4 @@ def names(
     whole = (np.ascontiguousarray(part, dtype=np.int64) for part in (passed, meetings))
     index, known = np.ascontiguousarray(row, dtype=np.int64), np.ascontiguousarray(found).view(np.int8)
     given = (contiguous(frequency), index, contiguous(cycle), *whole, known)
-    return np.frombuffer(library().names(count, rows, n, float(cycles), *given), dtype=NAME)
+    return np.frombuffer(ckernel.library.names(count, rows, n, float(cycles), *given), dtype=NAME)

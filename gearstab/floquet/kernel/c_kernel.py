@@ -1,7 +1,15 @@
-"""The compiled kernel behind the interface of the NumPy kernel (:mod:`gearstab.floquet.kernel.choice`).
+"""The compiled kernel: exact propagation over one period, for patterns and mesh frequencies ``(r, P)``.
 
-The same mathematics and the same rules; mesh frequencies run side by side in vector registers, rows in threads. What
-the C side leaves in doubt is the same that the NumPy kernel leaves, and for n > 3 much less.
+Each segment is n rotations in the modal coordinates of its state followed by the change to the next state's modes.
+The eigenproblems were solved once per state and serve the whole frequency axis. Mesh frequencies, in units of the
+pattern's rate, run side by side in vector registers, rows in threads.
+
+For a conservative system the monodromy matrix M is symplectic, M^-1 = -J M^T J, and W = M + M^-1 = [[E, F], [G,
+E^T]] with skew F and G has every rho = lambda + 1/lambda twice. Their elementary symmetric functions are
+polynomials in E, F, G:
+
+    n = 1: s1 = E;    n = 2: s1 = tr E, s2 = det E + F_12 G_12;
+    n = 3: s1 = tr E, s2 = e2(E) + f.g, s3 = det E + f^T E g   (F = [f]x, G = [g]x)
 """
 
 from __future__ import annotations
@@ -12,7 +20,9 @@ from typing import Any
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.floquet.kernel import invariants, lyapunov, numpy_kernel
+from gearstab.floquet.kernel import factors as left
+from gearstab.floquet.kernel import graded as iterated
+from gearstab.floquet.kernel import invariants, lyapunov
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.kernel.damped import Generators, real_modes
 from gearstab.floquet.kernel.threads import in_threads
@@ -21,14 +31,12 @@ from gearstab.system import Array
 
 LANES = 8
 """Most points that go through the kernel side by side."""
+LARGE = 2.0**200
+"""Entries above this are scaled down, so that a product of any length stays finite."""
 LIMITS = (
-    invariants.EDGE_NOISE,
-    invariants.DISCRIMINANT_NOISE,
-    invariants.GROWTH_NOISE,
-    invariants.LARGEST,
-    numpy_kernel.LARGE,
-)
-"""Thresholds of verdicts, the same as in the NumPy kernel: ``struct limits`` of kernel.h."""
+    invariants.EDGE_NOISE, invariants.DISCRIMINANT_NOISE, invariants.GROWTH_NOISE, invariants.LARGEST, LARGE,
+)  # fmt: skip
+"""Thresholds of verdicts: ``struct limits`` of kernel.h."""
 MOST_IN_LANES = 64
 """Size of damped matrices whose exponents LAPACK does not find faster."""
 ENTRIES_AT_ONCE = 1 << 23
@@ -56,7 +64,7 @@ def rates(
         own = (omega if omega.ndim == 1 else omega[rows], *of_rows, stable.T, growth.T)
 
         def part(first: int, last: int, all_of: tuple[Any, ...] = (given, own), base: int = rows.start) -> None:
-            raw = library().rates(ckernel.simd(), *all_of[0], first, last, points, every, *all_of[1])
+            raw = ckernel.library.rates(ckernel.simd(), *all_of[0], first, last, points, every, *all_of[1])
             found[base + first] = np.frombuffer(raw, dtype=np.int64).reshape(-1, 2) + np.array([base, 0])
 
         in_threads(part, rows.stop - rows.start, points * cost(pattern), limit)
@@ -89,7 +97,7 @@ def _scan(
             own.append(magnified[rows])
 
         def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
-            library().scan(ckernel.simd(), *given[0], first, last, *given[1])
+            ckernel.library.scan(ckernel.simd(), *given[0], first, last, *given[1])
 
         in_threads(part, rows.stop - rows.start, asked.shape[1] * cost(pattern), limit)
     return verdict, growth
@@ -106,7 +114,7 @@ def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, 
         points, arguments = len(members), pattern_arguments(pattern, needed[rows])
         found, size_of = np.empty((points, size, size)), np.empty(points)
         own = (_whole(index[members] - rows.start), asked[members], found, size_of)
-        library().monodromy(ckernel.simd(), *arguments, 0, points, points, *own)
+        ckernel.library.monodromy(ckernel.simd(), *arguments, 0, points, points, *own)
         matrix[members], scale[members] = found, size_of
     return matrix, scale
 
@@ -124,25 +132,35 @@ def traces(pattern: Pattern, omega: Array, bound: float = np.inf, limit: int | N
         own = (asked.shape[1], float(bound), asked[rows], rho[rows])
 
         def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
-            library().traces(ckernel.simd(), *given[0], first, last, *given[1])
+            ckernel.library.traces(ckernel.simd(), *given[0], first, last, *given[1])
 
         in_threads(part, rows.stop - rows.start, asked.shape[1] * cost(pattern), limit)
     return rho
 
 
 def trace_change(rho: Array, other: Array, weight: float) -> tuple[Array, Array]:
-    """(change, largest) of traces, as of the NumPy kernel."""
+    """Bound how far the multipliers of two computations differ ``(...)``, and the size of the largest, at least 1.
+
+    rho, other: lambda + 1/lambda ``(..., n)``, in any order. From |d ln lambda| = |d rho|/|lambda - 1/lambda| = |d
+    rho|/|rho^2 - 4|^(1/2), but |d rho|^(1/2) where that is larger than the root; weighted by min(1, weight times the
+    size of the multiplier over the largest).
+    """
     fine, coarse = np.ascontiguousarray(rho), np.ascontiguousarray(other)
     change, largest = np.empty(rho.shape[:-1]), np.empty(rho.shape[:-1])
-    library().trace_change(change.size, rho.shape[-1], weight, fine, coarse, change, largest)
+    ckernel.library.trace_change(change.size, rho.shape[-1], weight, fine, coarse, change, largest)
     return change, largest
 
 
 def trace_condition(rho: Array, least: Array) -> tuple[Array, Array]:
-    """(moved, apart) of traces, as of the NumPy kernel."""
+    """(moved, apart) ``(P,)``: how far a change ``least`` (P,) of the matrix may move multipliers, and how close two of
+    them are, as an angle.
+
+    rho: lambda + 1/lambda ``(P, n)``. A change of the matrix moves rho the more the nearer another rho is, and a
+    multiplier the more the nearer rho is to +-2, where it meets its inverse.
+    """
     given, noise = np.ascontiguousarray(rho, dtype=complex), contiguous(least)
     moved, apart = np.empty(noise.shape), np.empty(noise.shape)
-    library().trace_condition(noise.size, rho.shape[-1], given, noise, moved, apart)
+    ckernel.library.trace_condition(noise.size, rho.shape[-1], given, noise, moved, apart)
     return moved, apart
 
 
@@ -158,11 +176,11 @@ def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
 def scan_damped(pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None) -> tuple[Array, Array]:
     """ln max |lambda| and, roughly, ln of the size of M, ``(r, P)`` each; NaN where M is not finite.
 
-    Rows with a state that cannot be diagonalised safely go the way of the NumPy kernel.
+    Rows with a state that cannot be diagonalised safely are left to NumPy.
     """
     growth, scale = _scan_modes(pattern, generator, contiguous(omega), np.empty((len(omega), 0), dtype=complex), limit)
     for row in _left_over(generator, growth):
-        found = numpy_kernel.scan_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
+        found = left.multipliers_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
         growth[row], scale[row] = found[0][0], found[1][0]
     return growth, scale
 
@@ -174,7 +192,7 @@ def multipliers_damped(
     values = np.empty((*omega.shape, generator.matrix.shape[-1]), dtype=complex)
     growth, scale = _scan_modes(pattern, generator, contiguous(omega), values, limit)
     for row in _left_over(generator, growth):
-        found = numpy_kernel.multipliers_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
+        found = left.multipliers_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
         growth[row], scale[row], values[row] = (part[0] for part in found)
     return growth, scale, values
 
@@ -183,29 +201,29 @@ def log_multipliers_damped(pattern: Pattern, generator: Generators, omega: Array
     """ln lambda ``(r, P, m)`` of a damped pattern, however far multipliers are apart, by the periodic QR algorithm."""
     points, size = omega.shape[1], generator.matrix.shape[-1]
     if size > MOST_IN_LANES:
-        return numpy_kernel.log_multipliers_damped(pattern, generator, omega, graded)
+        return left.log_multipliers_damped(pattern, generator, omega, graded)
     given = _of_modes(pattern, generator)
     logs = np.empty((*omega.shape, size), dtype=complex)
     asked = contiguous(omega)
 
     def part(first: int, last: int) -> None:
-        library().exponents(ckernel.simd(), *given, first, last, points, asked, logs)
+        ckernel.library.exponents(ckernel.simd(), *given, first, last, points, asked, logs)
 
     in_threads(part, len(omega) * -(-points // LANES), 10.0 * LANES * len(pattern.states) * size**3, limit)
     for row in map(int, np.flatnonzero(~generator.well_conditioned | np.isnan(logs).any(axis=(1, 2)))):
-        left = np.isnan(logs[row]).any(axis=1) | ~generator.well_conditioned[row]
-        own = pattern.row(row), generator.row(row), omega[row, left][None]
-        logs[row, left] = numpy_kernel.log_multipliers_damped(*own, graded)[0]
+        missing = np.isnan(logs[row]).any(axis=1) | ~generator.well_conditioned[row]
+        own = pattern.row(row), generator.row(row), omega[row, missing][None]
+        logs[row, missing] = left.log_multipliers_damped(*own, graded)[0]
     return logs
 
 
 def graded(factors: Sequence[Array], limit: int | None = None) -> Array:
-    """What :func:`gearstab.floquet.kernel.graded.log_multipliers` says."""
+    """Return ln lambda ``(P, m)`` of a product, as :func:`gearstab.floquet.kernel.graded.log_multipliers`."""
     count, (points, size) = len(factors), factors[0].shape[:2]
     most = ENTRIES_AT_ONCE // max(1, count * size**2)
     if most < LANES:
         # A segment of many pieces has one factor there, which is no copy for each.
-        return numpy_kernel.graded(factors)
+        return iterated.log_multipliers(factors)
     if points > most:
         parts = np.split(np.arange(points), range(most, points, most))
         return np.concatenate([graded([factor[part] for factor in factors], limit) for part in parts])
@@ -214,17 +232,17 @@ def graded(factors: Sequence[Array], limit: int | None = None) -> Array:
 
     def part(first: int, last: int) -> None:
         of_points = LANES * first, min(LANES * last, points), points
-        library().graded(ckernel.simd(), count, size, *of_points, given, logs)
+        ckernel.library.graded(ckernel.simd(), count, size, *of_points, given, logs)
 
     in_threads(part, -(-points // LANES), 10.0 * LANES * count * size**3, limit)
-    left = np.flatnonzero(np.isnan(logs).any(axis=1))
-    if len(left):
-        logs[left] = numpy_kernel.graded([factor[left] for factor in factors])
+    missing = np.flatnonzero(np.isnan(logs).any(axis=1))
+    if len(missing):
+        logs[missing] = iterated.log_multipliers([factor[missing] for factor in factors])
     return logs
 
 
 def _left_over(generator: Generators, growth: Array) -> list[int]:
-    """Rows for the NumPy kernel: not safe to diagonalise, or without a result somewhere."""
+    """Rows for NumPy: not safe to diagonalise, or without a result somewhere."""
     return [int(row) for row in np.flatnonzero(~generator.well_conditioned | np.isnan(growth).any(axis=1))]
 
 
@@ -237,7 +255,7 @@ def _scan_modes(
     own = (omega.shape[1], omega, growth, scale, multipliers)
 
     def part(first: int, last: int) -> None:
-        library().scan_damped(ckernel.simd(), *given, first, last, *own)
+        ckernel.library.scan_damped(ckernel.simd(), *given, first, last, *own)
 
     in_threads(part, len(omega), omega.shape[1] * cost(pattern), limit)
     return growth, scale
@@ -269,7 +287,7 @@ def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> 
     given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
 
     def part(first: int, last: int) -> None:
-        library().moduli(ckernel.simd(), *given, first, last, len(row), *where, logs)
+        ckernel.library.moduli(ckernel.simd(), *given, first, last, len(row), *where, logs)
 
     in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
     left = np.flatnonzero(np.isnan(logs).any(axis=1) | ~chain.sound[row])
@@ -284,7 +302,7 @@ def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -
     given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
 
     def part(first: int, last: int) -> None:
-        library().products(ckernel.simd(), *given, first, last, len(row), *where, matrix, scale)
+        ckernel.library.products(ckernel.simd(), *given, first, last, len(row), *where, matrix, scale)
 
     in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
     left = np.flatnonzero(~chain.sound[row])
@@ -312,7 +330,7 @@ def chained(
 
     def part(first: int, last: int) -> None:
         of_points = LANES * first, min(LANES * last, len(row)), len(row)
-        library().products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
+        ckernel.library.products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
 
     # Points that go through the period side by side take no longer than one.
     in_threads(part, -(-len(row) // LANES), float(LANES * len(states) * m**3), None)
@@ -327,7 +345,7 @@ def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | No
     where = (_whole(row), contiguous(cycle), contiguous(growth))
 
     def part(first: int, last: int) -> None:
-        library().radii(ckernel.simd(), *given, first, last, len(row), *where, radius)
+        ckernel.library.radii(ckernel.simd(), *given, first, last, len(row), *where, radius)
 
     # Roughly: it decides only from how many points on threads pay.
     in_threads(part, len(row), 10.0 * len(chain.states) * chain.size**3, limit)
@@ -339,13 +357,6 @@ def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | No
 
 def _whole(values: Array) -> Array:
     return np.ascontiguousarray(values, dtype=np.int64)
-
-
-def library() -> Any:
-    """The compiled kernel. Raises ValueError where there is none."""
-    if ckernel.library is None:
-        raise ValueError("the compiled kernel was not built")
-    return ckernel.library
 
 
 def contiguous(values: Array) -> Array:

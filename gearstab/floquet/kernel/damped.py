@@ -93,7 +93,7 @@ def _light(matrix: Array) -> tuple[Array, Array, Array, Array]:
     count, m = matrix.shape[:2]
     n = m // 2
     damping, stiffness = -matrix[:, n:, n:], -matrix[:, n:, :n]
-    if not ckernel.in_use() or m == 0 or m % 2 or not (_symmetric(stiffness) and _symmetric(damping)):
+    if m == 0 or m % 2 or not (_symmetric(stiffness) and _symmetric(damping)):
         nothing = np.zeros((count, m, m), dtype=complex)
         return np.zeros((count, m), dtype=complex), nothing, nothing.copy(), np.zeros(count, dtype=bool)
     squared, shapes = ckernel.symmetric_eigen(stiffness)

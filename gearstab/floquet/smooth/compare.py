@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.invariants import DOUBTFUL, growth_of
@@ -72,11 +72,11 @@ def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> KernelAns
     """All points of a pattern; interpolate: whether over mesh frequency, where that pays."""
     if pattern.elastic.damping is None:
         noise = rounding(pattern, omega)
-        verdict, growth, rho, magnified = kernel.current().scan_traces(pattern, omega, interpolate)
+        verdict, growth, rho, magnified = kernel.scan_traces(pattern, omega, interpolate)
         _complete(pattern, omega, verdict, growth, rho, magnified)
         return KernelAnswer(growth, verdict, rho, np.zeros(omega.shape), noise * magnified)
     generator: Generators = damped.generators(pattern, pattern.elastic.damping)
-    growth, scale, values = kernel.current().multipliers_damped(pattern, generator, omega)
+    growth, scale, values = kernel.multipliers_damped(pattern, generator, omega)
     # The modes without damping, which are not needed otherwise, would take as long as all the rest.
     noise = rounding(pattern, omega, np.abs(generator.eigen[0]).max(axis=-1))
     return KernelAnswer(growth, None, values, scale, noise)
@@ -92,7 +92,7 @@ def _complete(pattern: Pattern, omega: Array, verdict: Array, growth: Array, rho
     growth[open_growth] = growth_of(rho[open_growth].T)
     rows, points = np.nonzero(~known)
     for row, point in pieces(rows, points, pattern.size):
-        matrix, scale = kernel.current().monodromy(pattern, row, omega[row, point])
+        matrix, scale = kernel.monodromy(pattern, row, omega[row, point])
         with np.errstate(divide="ignore", invalid="ignore"):
             largest = np.abs(eigenvalues(matrix)).max(axis=-1)
             growth[row, point] = np.log(largest) + scale
@@ -117,7 +117,7 @@ def difference(fine: KernelAnswer, coarse: KernelAnswer, decay: Array) -> tuple[
 
 def _difference_conservative(fine: KernelAnswer, coarse: KernelAnswer) -> tuple[Array, Array]:
     with np.errstate(invalid="ignore", over="ignore"):
-        change, largest = kernel.current().trace_change(fine.values, coarse.values, WEIGHT)
+        change, largest = kernel.trace_change(fine.values, coarse.values, WEIGHT)
     close = change < VISIBLE * fine.rounding
     noise = fine.rounding.copy()
     if close.any():
@@ -131,12 +131,12 @@ def _noise(rho: Array, rounding: Array, largest: Array) -> Array:
     rho ``(P, n)``. Multipliers that coincide without acting on each other do not show it.
     """
     least = rounding * largest
-    return np.asarray(np.maximum(kernel.current().trace_condition(rho, least)[0], least) / largest)
+    return np.asarray(np.maximum(kernel.trace_condition(rho, least)[0], least) / largest)
 
 
 def colliding(rho: Array, error: Array) -> Array:
     """``(P,)``: whether two multipliers, of traces ``(P, n)``, may in truth have met, or not have met."""
-    return np.asarray(kernel.current().trace_condition(rho, error)[1] <= NEAR * error)
+    return np.asarray(kernel.trace_condition(rho, error)[1] <= NEAR * error)
 
 
 def _difference_damped(fine: KernelAnswer, coarse: KernelAnswer) -> tuple[Array, Array]:

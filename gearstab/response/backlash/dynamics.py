@@ -8,7 +8,7 @@ Chebyshev nodes, in pieces so short that the last Chebyshev coefficients are bel
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import factorial
 
 import numpy as np
@@ -22,35 +22,8 @@ from gearstab.system import Array, GearSystem
 REACH, DEGREE = 2.0, 24
 """|G| of a piece, and the degree of its Taylor series: 2^25/25! = 2e-18."""
 NODES = 16
-"""Chebyshev nodes of a piece where functions vary."""
-SHORTER = 1.0
-"""|G| of such a piece at most, for Picard iteration to converge."""
-MOST_SWEEPS = 60
+"""Chebyshev nodes of a cell where functions vary."""
 MOST_HALVINGS = 40
-MOST_KEPT = 512
-"""Taylor series that are kept for further use."""
-
-
-@dataclass(frozen=True)
-class PolynomialPiece:
-    """y(t + u length) = sum_k u^k powers_k for u in [0, 1]; ``powers (degree + 1, D)``."""
-
-    length: float
-    powers: Array
-
-    def until(self, u: float) -> PolynomialPiece:
-        """Its beginning, up to u."""
-        scale = u ** np.arange(len(self.powers))
-        return PolynomialPiece(self.length * u, self.powers * scale[:, None])
-
-    def at(self, u: Array) -> Array:
-        """``(X, D)``."""
-        return np.asarray(np.vander(u, len(self.powers), increasing=True) @ self.powers)
-
-    @property
-    def end(self) -> Array:
-        """y at u = 1."""
-        return np.asarray(self.powers.sum(axis=0))
 
 
 @dataclass(frozen=True)
@@ -75,7 +48,6 @@ class Dynamics:
     gauge: Array
     deflection: Array
     scale: float
-    kept: dict[bytes, tuple[float, Array]] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -102,40 +74,6 @@ class Dynamics:
         """G ``(X, D, D)``."""
         constant, parts = self.generators(contact)
         return np.asarray(constant + np.tensordot(values, parts, axes=1))
-
-    def constant(self, values: Array, contact: Array, y: Array, longest: float) -> PolynomialPiece:
-        """A piece while all functions keep their ``values (J,)``, not longer than ``longest``."""
-        key = values.tobytes() + contact.tobytes()
-        if key not in self.kept:
-            if len(self.kept) >= MOST_KEPT:
-                self.kept.clear()
-            self.kept[key] = _series(self.generator(values[None], contact)[0])
-        length, series = self.kept[key]
-        piece = PolynomialPiece(length, series @ y)
-        return piece if length <= longest else PolynomialPiece(longest, piece.until(longest / length).powers)
-
-    def varying(self, begin: float, contact: Array, y: Array, longest: float, tolerance: float) -> PolynomialPiece:
-        """A piece while functions vary smoothly, from the time ``begin`` within the common period.
-
-        Raises NotPossible where no piece is short enough for the tolerance, relative to the state.
-        """
-        length, period = longest, self.motion.period
-        for _ in range(MOST_HALVINGS):
-            at = (begin + length * POINTS) / period
-            generator = self.generator(self.values(at), contact) * length
-            size = float(np.abs(generator).sum(axis=2).max())
-            if size > SHORTER:
-                # A little shorter than this size asks for; not by more than a thousand for a spike at one node.
-                length *= max(0.9 * SHORTER / size, 1e-3)
-                continue
-            y_at = _picard(generator, y)
-            waves = WAVES @ y_at
-            if np.abs(waves[-2:]).max() <= tolerance * np.abs(waves).max():
-                powers = POWERS @ waves
-                powers[0] = y
-                return PolynomialPiece(length, powers)
-            length *= 0.5
-        raise too_rough(tolerance)
 
 
 def too_rough(tolerance: float) -> NotPossible:
@@ -184,51 +122,21 @@ def _carriers(system: GearSystem, count: int) -> Array:
     return np.array(found + [-1] * (count - len(found)))
 
 
-def _series(generator: Array) -> tuple[float, Array]:
-    """The length of a piece, and ``(DEGREE + 1, D, D)``, (G length)^k/k!."""
-    size = min(np.abs(generator).sum(axis=0).max(), np.abs(generator).sum(axis=1).max())
-    length = REACH / float(size) if size > 0 else np.inf
-    if not np.isfinite(length):
-        length = 1.0
-    series = np.empty((DEGREE + 1, *generator.shape))
-    series[0] = np.eye(len(generator))
-    for k in range(1, DEGREE + 1):
-        series[k] = series[k - 1] @ (generator * (length / k))
-    return length, series
-
-
-def _picard(generator: Array, y: Array) -> Array:
-    """y at the nodes ``(NODES, D)``: the fixed point of y + int G y, G ``(NODES, D, D)`` already times the length."""
-    found = np.broadcast_to(y, (NODES, len(y)))
-    for _ in range(MOST_SWEEPS):
-        following = y + INTEGRAL @ np.einsum("xij,xj->xi", generator, found)
-        change = np.abs(following - found).max()
-        found = following
-        # No more than a rounding error of the largest entry.
-        if change <= 2e-16 * np.abs(found).max():
-            break
-    return np.asarray(found)
-
-
-def _chebyshev() -> tuple[Array, Array, Array, Array]:
-    """Nodes in (0, 1); Chebyshev coefficients from values; integrals from 0 to the nodes; powers from coefficients."""
+def _chebyshev() -> tuple[Array, Array, Array]:
+    """Nodes in (0, 1); Chebyshev coefficients from values; powers from coefficients."""
     from numpy.polynomial import chebyshev as c
 
     angle = (np.arange(NODES)[::-1] + 0.5) * np.pi / NODES
     waves = 2 / NODES * np.cos(np.arange(NODES)[:, None] * angle)
     waves[0] /= 2
-    integral = np.zeros((NODES, NODES))
-    for k in range(NODES):
-        primitive = c.chebint(np.eye(NODES)[k], lbnd=-1) / 2
-        integral[:, k] = c.chebval(np.cos(angle), primitive)
     powers = np.zeros((NODES, NODES))
     for k in range(NODES):
         # T_k(2 u - 1), by the coefficients of (2 u - 1)^j.
         for j, amount in enumerate(c.cheb2poly(np.eye(NODES)[k])):
             for i in range(j + 1):
                 powers[i, k] += amount * factorial(j) / factorial(i) / factorial(j - i) * 2.0**i * (-1.0) ** (j - i)
-    return 0.5 + 0.5 * np.cos(angle), waves, integral @ waves, powers
+    return 0.5 + 0.5 * np.cos(angle), waves, powers
 
 
-POINTS, WAVES, INTEGRAL, POWERS = map(np.ascontiguousarray, _chebyshev())
-"""Nodes, and ``(NODES, NODES)``: Chebyshev coefficients from values, integrals, powers from Chebyshev coefficients."""
+POINTS, WAVES, POWERS = map(np.ascontiguousarray, _chebyshev())
+"""Nodes, and ``(NODES, NODES)``: Chebyshev coefficients from values, powers from Chebyshev coefficients."""

@@ -1,17 +1,37 @@
-"""From event to event: jumps of the mesh stiffness as they come, teeth that part and meet as the motion makes them."""
+"""From event to event: jumps of the mesh stiffness as they come, teeth that part and meet as the motion makes them.
+
+The compiled kernel follows many pieces a call. It is given what a generator G is made of for every contact that
+occurs, and varying functions as polynomials on cells of the common period: constants between edges, or parts of
+Chebyshev series so short that they end. On either a piece of the motion is its Taylor series, of which smooth functions
+make a recurrence: with G = sum_i u^i G_i, (k + 1) y_(k+1) = length sum_i G_i y_(k-i). The distance from a flank is a
+polynomial then, and its first root is isolated by Bernstein coefficients (Farouki 2012, sections 3.3 and 5): in [0, 1]
+a polynomial is nowhere below the least of them, and has at most as many roots as these change their sign; halving makes
+both sharp.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from gearstab.response.backlash.contact import APART, LOWER, UPPER
-from gearstab.response.backlash.crossing import bernstein, first_below
-from gearstab.response.backlash.dynamics import Dynamics, PolynomialPiece
+from gearstab import ckernel
+from gearstab.response.backlash import dynamics as d
+from gearstab.response.backlash.contact import APART, UPPER
 from gearstab.system import Array
 
+FULL, UNKNOWN, CHATTERS, OUTGROWN, ROUGH = range(5)
+"""Why a call ends, see ckernel/kernel.h and ckernel/backlash/follow.h."""
+
+FIRST, MOST, ENTRIES = 32, 1024, 2**20
+"""Pieces of the first call, and of a later one at most; numbers in their polynomials at most."""
+SERIES, ROUNDED = 1e-15, 1e-12
+"""Last coefficients of a series, relative to the largest value of its function; the latter where they are rounding."""
+MOST_CELLS = 2**17
+"""Cells of a common period."""
+MOST_KEPT = 2**24
+"""Numbers in the matrices of contacts that are kept for further use."""
 PENETRATION = 1e-12
 """A flank may be passed by this part of the backlash unnoticed (and by rounding errors of large deflections)."""
 ROUNDING = 1e-14
@@ -25,6 +45,8 @@ FINE = 64
 """Parts of a piece in which the least distance is looked for."""
 LARGEST = 1e150
 """States beyond have outgrown double precision: squares of larger ones overflow."""
+SMALLEST = 2.0**-48
+"""Parts of a piece that are not divided further in the search of a root."""
 
 
 @dataclass(frozen=True)
@@ -38,80 +60,119 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """A piece of the motion between events.
+class Track:
+    """S pieces of the motion between events, one after the other.
 
-    period: number of the common period, from 0; begin: time in it.
-    contact: ``(meshes,)``; values: ``(J,)``, the varying functions, None where they vary smoothly.
-    event: what ends it; grazing: whether a flank is hardly touched, or hardly missed.
+    powers: ``(S, degree + 1, D)``, y(begin + u length) = sum_k u^k powers_k for u in [0, 1];  length, begin: ``(S,)``,
+        times in the common period;  period: ``(S,)``, its number, from 0.
+    contact: ``(S, meshes)``;  values: ``(S, order, J)``, the varying functions as powers of u.
+    mesh, kind, speed: ``(S,)``, of the event at the end; where there is none mesh is -1.  grazing: ``(S,)`` bool,
+        whether a flank is hardly touched, or hardly missed.
     """
 
-    piece: PolynomialPiece
-    period: int
-    begin: float
+    powers: Array
+    length: Array
+    begin: Array
+    period: Array
     contact: Array
-    values: Array | None
-    event: Event | None
-    grazing: bool
+    values: Array
+    mesh: Array
+    kind: Array
+    speed: Array
+    grazing: Array
+
+    def __getitem__(self, which: slice | Array) -> Track:
+        """Some of them."""
+        return replace(self, **{part.name: getattr(self, part.name)[which] for part in fields(self)})
 
 
 class Chatter(Exception):
     """Events come closer and closer, or too many of them."""
 
 
-def follow(dynamics: Dynamics, x: Array, tolerance: float) -> Iterator[Stretch]:
-    """The motion from the state x at t = 0 on, without end.
+@dataclass(frozen=True)
+class Timetable:
+    """What varies when: C cells of the common period.
 
-    Raises Chatter, OverflowError where the motion outgrows double precision, and ValueError where smooth functions are
-    too rough for the tolerance.
+    span: ``(C, 2)``, begin and end;  shapes: ``(C, order, J)``, the varying functions as powers of the part
+        of the cell that has passed.
+    start: ``(C, L)``, S z at the beginning.
     """
+
+    span: Array
+    shapes: Array
+    start: Array
+
+    @property
+    def order(self) -> int:
+        """1 where all functions are constant."""
+        return self.shapes.shape[1]
+
+
+def timetable(dynamics: d.Dynamics, tolerance: float) -> Timetable:
+    """Divide the common period. Raises NotPossible where that takes too many series."""
     motion = dynamics.motion
-    edges, period = motion.points.edges[0], motion.period
-    # Every period asks for the same.
-    middles = dynamics.values(0.5 * (edges[:-1] + edges[1:])) if motion.drive.exact else None
-    intervals = motion.points.equation.occupied
-    contact = dynamics.teeth.contact(dynamics.gauge @ dynamics.whole(x, 0.0))
-    most, soon = busiest(dynamics), 0
-    switched: int | None = None
-    number = 0
-    while True:
-        events = 0
-        for q in intervals:
-            begin, end = float(edges[q] * period), float(edges[q + 1] * period)
-            y = dynamics.whole(x, edges[q])
-            values = None if middles is None else middles[q]
-            while end - begin > 1e-15 * period:  # else only rounding is left
-                longest = end - begin
-                if values is not None:
-                    piece = dynamics.constant(values, contact, y, longest)
-                else:
-                    piece = dynamics.varying(begin, contact, y, longest, tolerance)
-                last = piece.length >= longest
-                found, grazing = _next(dynamics, piece, contact, switched)
-                event, before = None, contact
-                if found is not None:
-                    u, mesh, following = found
-                    piece, last = piece.until(u), last and u == 1.0
-                    contact = contact.copy()
-                    contact[mesh] = following
-                    speed = float(dynamics.gauge[mesh] @ _rate(piece, dynamics, values, begin, before))
-                    time = number * period + begin + piece.length
-                    event = Event(float(time), mesh, dynamics.teeth.kind(mesh, following), speed)
-                    grazing |= abs(speed) < GRAZING * float(motion.basis.rate[0]) * dynamics.teeth.width[mesh]
-                    events, soon = events + 1, soon + 1 if piece.length < AT_ONCE * period else 0
-                yield Stretch(piece, number, begin, before, values, event, bool(grazing))
-                if events > most or soon > MOST_AT_ONCE:
-                    raise Chatter
-                y = piece.end
-                if not np.abs(y).max() < LARGEST:
-                    raise OverflowError
-                switched = None if event is None else event.mesh
-                begin = end if last else begin + piece.length
-            x = y[: dynamics.size]
-        number += 1
+    edges = motion.points.edges[0]
+    spans = np.stack([edges[:-1], edges[1:]], axis=1)[motion.points.equation.occupied]
+    if motion.drive.exact:
+        shapes = dynamics.values(spans.mean(axis=1))[:, None]
+    else:
+        spans, waves = _series(dynamics, spans, tolerance)
+        shapes = d.POWERS @ waves
+    return Timetable(spans * motion.period, shapes, dynamics.scale * motion.drive.z(spans[:, 0]))
 
 
-def busiest(dynamics: Dynamics) -> float:
+def _series(dynamics: d.Dynamics, spans: Array, tolerance: float) -> tuple[Array, Array]:
+    """Halve spans of tau until all their Chebyshev series end; in order of time."""
+    known: list[tuple[Array, Array]] = []
+    before = np.full((len(spans), dynamics.parts.shape[0]), np.inf)
+    while len(spans):
+        at = spans[:, :1] + d.POINTS * np.diff(spans)
+        values = dynamics.values(at.ravel()).reshape(*at.shape, -1)
+        waves = d.WAVES @ values
+        rest = np.abs(waves[:, -2:]).max(axis=1) / np.maximum(np.abs(values).max(axis=1), np.finfo(float).tiny)
+        # What halving does not make smaller is the rounding of the functions themselves.
+        done = ((rest <= SERIES) | ((rest <= ROUNDED) & (rest > 0.1 * before))).all(axis=1)
+        known.append((spans[done], waves[done]))
+        low, high = spans[~done].T
+        if 2 * len(low) + sum(len(part) for part, _ in known) > MOST_CELLS:
+            raise d.too_rough(tolerance)
+        middle, before = 0.5 * (low + high), np.concatenate([rest[~done]] * 2)
+        spans = np.concatenate([np.stack([low, middle], axis=1), np.stack([middle, high], axis=1)])
+    found, series = (np.concatenate(parts) for parts in zip(*known, strict=True))
+    order = np.argsort(found[:, 0], kind="stable")
+    return found[order], series[order]
+
+
+class Contacts:
+    """What generators are made of, for the contacts ``(count, meshes)`` that have occurred."""
+
+    def __init__(self, dynamics: d.Dynamics) -> None:
+        self.dynamics, self.count = dynamics, 0
+        self.contacts = np.empty((1, len(dynamics.gauge)), dtype=np.int64)
+        self.matrices = np.empty((1, 1 + len(dynamics.parts), *dynamics.fixed.shape))
+
+    @property
+    def known(self) -> tuple[Array, Array]:
+        """The contacts, and what is always there and what comes with the functions, ``(1 + J, D, D)`` by columns."""
+        return self.contacts[: self.count], self.matrices[: self.count]
+
+    def learn(self, contact: Array) -> None:
+        """Add a contact ``(meshes,)``; where they have become too many, all others are forgotten."""
+        if self.count == len(self.contacts):
+            if 2 * self.matrices.size > MOST_KEPT:
+                self.count = 0
+            else:
+                self.contacts, self.matrices = (
+                    np.concatenate([a, np.empty_like(a)]) for a in (self.contacts, self.matrices)
+                )
+        constant, parts = self.dynamics.generators(contact)
+        self.contacts[self.count] = contact
+        self.matrices[self.count, 0], self.matrices[self.count, 1:] = constant.T, np.swapaxes(parts, 1, 2)
+        self.count += 1
+
+
+def busiest(dynamics: d.Dynamics) -> float:
     """How many events a common period may have: by the vibrations of the fastest mode in it."""
     motion = dynamics.motion
     middle = dynamics.values(np.array([0.5 * float(motion.points.edges[0][:2].sum())]))
@@ -120,66 +181,52 @@ def busiest(dynamics: Dynamics) -> float:
     return BUSY + 10 * float(np.abs(np.linalg.eigvals(closed[:m, :m])).max() * motion.period / (2 * np.pi))
 
 
-def _rate(piece: PolynomialPiece, dynamics: Dynamics, values: Array | None, begin: float, contact: Array) -> Array:
-    """dy/dt at the end of a piece."""
-    if piece.length > 0:
-        return np.asarray(np.arange(len(piece.powers)) @ piece.powers / piece.length)
-    if values is None:
-        values = dynamics.values(np.array([begin / dynamics.motion.period]))[0]
-    return np.asarray(dynamics.generator(values[None], contact)[0] @ piece.end)
+def follow(dynamics: d.Dynamics, x: Array, tolerance: float, table: Timetable | None = None) -> Iterator[Track]:
+    """The motion from the state x at t = 0 on, without end; table: that of the dynamics, where it is known.
 
-
-def _next(
-    dynamics: Dynamics, piece: PolynomialPiece, contact: Array, switched: int | None
-) -> tuple[tuple[float, int, int] | None, bool]:
-    """The first change of contact in a piece, (u, mesh, contact afterwards), and whether a touch is grazing.
-
-    switched: the mesh whose contact changed at the beginning of the piece, where its deflection is at the limit.
+    Raises Chatter, OverflowError where the motion outgrows double precision, and NotPossible where smooth functions are
+    too rough for the tolerance.
     """
-    teeth = dynamics.teeth
-    first: tuple[float, int, int] | None = None
-    grazing = False
-    for mesh in map(int, np.flatnonzero(teeth.has)):
-        deflection = piece.powers @ dynamics.gauge[mesh]
-        tolerance = PENETRATION * teeth.width[mesh] + ROUNDING * np.abs(deflection).sum()
-        for sign, limit, following in _limits(dynamics, mesh, int(contact[mesh])):
-            distance = sign * deflection
-            distance[0] -= sign * limit
-            # A mesh that has just come to this limit is on it; one that came to the other limit is a width away.
-            if mesh == switched and abs(distance[0]) <= 0.25 * teeth.width[mesh]:
-                distance[0] = 0.0
-            if (bernstein(len(distance) - 1) @ distance).min() >= GRAZING * teeth.width[mesh]:
-                continue
-            u = first_below(distance, tolerance)
-            if u is not None and (first is None or u < first[0]):
-                first = u, mesh, following
-            grazing |= u is None and _nearly(distance, GRAZING * teeth.width[mesh])
-    return first, grazing
-
-
-def _limits(dynamics: Dynamics, mesh: int, contact: int) -> list[tuple[int, float, int]]:
-    """What a mesh may meet: (sign s, limit, contact beyond it); s (x - limit) is positive before."""
-    low, high = float(dynamics.teeth.low[mesh]), float(dynamics.teeth.high[mesh])
-    if contact == UPPER:
-        return [(1, high, APART)]
-    if contact == LOWER:
-        return [(-1, low, APART)]
-    return [(-1, high, UPPER), (1, low, LOWER)]
-
-
-def _nearly(distance: Array, margin: float) -> bool:
-    """Whether a distance has a minimum below the margin in a piece, or where it begins or ends.
-
-    By the parabola at the least of a number of values.
-    """
-    powers = np.vander(np.linspace(0.0, 1.0, FINE + 1), len(distance), increasing=True)
-    values = powers @ distance
-    least = int(np.argmin(values))
-    slope, bend = (powers[least, : len(d)] @ d for d in _derivatives(distance))
-    return bool(bend > 0 and abs(slope) <= 2 * bend / FINE and values[least] - 0.5 * slope**2 / bend < margin)
-
-
-def _derivatives(powers: Array) -> tuple[Array, Array]:
-    """Coefficients of the first and the second derivative."""
-    first = powers[1:] * np.arange(1, len(powers))
-    return first, first[1:] * np.arange(1, len(first))
+    motion, teeth, table = dynamics.motion, dynamics.teeth, table or timetable(dynamics, tolerance)
+    functions, meshes, size = table.shapes.shape[2], len(teeth.has), len(dynamics.fixed)
+    contacts = Contacts(dynamics)
+    y = np.concatenate([x, table.start[0]])
+    marks = np.concatenate([[0, 0, -1, 0, 0], teeth.contact(dynamics.gauge @ y)]).astype(np.int64)
+    state = np.concatenate([table.span[:1, 0], y])
+    limits = np.where(teeth.has, [teeth.low, teeth.high], 0.0).T.copy()
+    most_events = int(min(busiest(dynamics), 2.0**62))
+    settings = (
+        motion.period, float(motion.basis.rate[0]), tolerance, d.REACH, PENETRATION, ROUNDING, GRAZING,
+        AT_ONCE, LARGEST, SMALLEST,
+    )  # fmt: skip
+    given = [np.ascontiguousarray(part) for part in (table.span, table.shapes, table.start, dynamics.gauge, limits)]
+    most = max(min(MOST, ENTRIES // ((d.DEGREE + 1) * size)), 1)
+    room, why = min(FIRST, most), FULL
+    while True:
+        numbers = (
+            size, size - dynamics.size, meshes, functions, len(table.span), table.order, d.DEGREE, contacts.count,
+            most_events, MOST_AT_ONCE, FINE, d.MOST_HALVINGS,
+        )  # fmt: skip
+        powers, number = np.empty((room, d.DEGREE + 1, size)), np.empty((room, 3))
+        values = np.empty((room, table.order, functions))
+        label, contact = np.empty((room, 5), dtype=np.int64), np.empty((room, meshes), dtype=np.int64)
+        why, count = ckernel.library.follow(
+            numbers, settings, *given, *contacts.known, room, marks, state, powers, values, number, label, contact,
+        )  # fmt: skip
+        if count:
+            period, _, mesh, following, grazing = label[:count].T
+            begin, length, speed = number[:count].T
+            kind = np.where(following == APART, 0, np.where(following == teeth.drive[mesh], 1, 2))
+            yield Track(
+                powers[:count], length, begin, period, contact[:count], values[:count], mesh, kind, speed, grazing > 0
+            )
+        if why == UNKNOWN:
+            contacts.learn(marks[5:])
+        elif why == CHATTERS:
+            raise Chatter
+        elif why == OUTGROWN:
+            raise OverflowError
+        elif why == ROUGH:
+            raise d.too_rough(tolerance)
+        elif room < most:
+            room = min(2 * room, most)

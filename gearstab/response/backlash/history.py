@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numpy as np
 
-from gearstab import ckernel
 from gearstab.propagation.first_order import bases
-from gearstab.response.backlash import compiled
 from gearstab.response.backlash.contact import APART, Play, directions, play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
-from gearstab.response.backlash.follow import Chatter, Event, follow
+from gearstab.response.backlash.follow import Chatter, Event, Track, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter
 from gearstab.response.backlash.polynomials import sampled
-from gearstab.response.backlash.track import Track, gathered
 from gearstab.response.linear.driven import ON_A_JUMP, driven
 from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled, checked, samples_until
 from gearstab.response.linear.steady import unbalanced
@@ -105,12 +102,6 @@ def backlash_response(
     return _assembled(system, run, start)
 
 
-def tracks(model: Dynamics, x: Array, tolerance: float) -> Iterator[Track]:
-    """The motion from the state x at t = 0 on, without end, by the kernel in use; raises what ``follow`` does."""
-    table = compiled.timetable(model) if ckernel.in_use() else None
-    return gathered(follow(model, x, tolerance)) if table is None else compiled.follow(model, x, tolerance, table)
-
-
 class Recording:
     """A motion on its way: samples, events, meter."""
 
@@ -126,7 +117,7 @@ class Recording:
         """Follow the motion from the state x until all samples are known, or to where it ends."""
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                for track in tracks(self.model, x, tolerance):
+                for track in follow(self.model, x, tolerance):
                     self._add(track)
                     if self.known >= self.wanted:
                         break

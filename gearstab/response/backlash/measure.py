@@ -10,8 +10,8 @@ import numpy as np
 from gearstab.propagation.first_order import UNDAMPED
 from gearstab.response.backlash.contact import APART
 from gearstab.response.backlash.dynamics import Dynamics
-from gearstab.response.backlash.polynomials import FINE, extremes, extremes_of, product
-from gearstab.response.backlash.track import Track
+from gearstab.response.backlash.follow import Track
+from gearstab.response.backlash.polynomials import extremes_of, product
 from gearstab.system import Array
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -108,20 +108,13 @@ class Meter:
         """``(S, meshes)``, as if the teeth touched; low, high: of the deflections."""
         dynamics = self.dynamics
         count, offset = len(dynamics.gauge), dynamics.teeth.offset(track.contact)
-        if track.values is not None:
-            stiffness = track.values[:, :, :count]
-            if stiffness.shape[1] > 1:
-                low, high = extremes_of(product(stiffness, self._shifted(track, offset)))
-                return np.maximum(np.abs(low), np.abs(high))
-            if not self.same:
-                low, high = extremes_of(track.powers @ dynamics.gauge.T)
-            return np.asarray(np.abs(stiffness[:, 0]) * np.maximum(np.abs(low - offset), np.abs(high - offset)))
-        # Just inside, where a jump ends the piece.
-        time = track.begin + np.clip(FINE, 1e-9, 1 - 1e-9)[:, None] * track.length
-        stiffness = dynamics.values(time.ravel() / dynamics.motion.period)[:, :count]
-        powers = np.vander(FINE, track.powers.shape[1], increasing=True)
-        fine = np.tensordot(powers, self._shifted(track, offset), axes=(1, 1))
-        return np.asarray(np.abs(extremes(stiffness.reshape(fine.shape) * fine)).max(axis=0))
+        stiffness = track.values[:, :, :count]
+        if stiffness.shape[1] > 1:
+            low, high = extremes_of(product(stiffness, self._shifted(track, offset)))
+            return np.maximum(np.abs(low), np.abs(high))
+        if not self.same:
+            low, high = extremes_of(track.powers @ dynamics.gauge.T)
+        return np.asarray(np.abs(stiffness[:, 0]) * np.maximum(np.abs(low - offset), np.abs(high - offset)))
 
     def _shifted(self, track: Track, offset: Array) -> Array:
         """``(S, degree + 1, meshes)``, how far the teeth are beyond their flanks, as powers of u."""

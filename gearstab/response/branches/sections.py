@@ -7,14 +7,12 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.propagation.first_order import bases
-from gearstab.response.backlash.compiled import Timetable, follow, timetable
 from gearstab.response.backlash.contact import play
-from gearstab.response.backlash.dynamics import Dynamics, dynamics, too_rough
-from gearstab.response.backlash.follow import Chatter
+from gearstab.response.backlash.dynamics import Dynamics, dynamics
+from gearstab.response.backlash.follow import Chatter, Timetable, Track, follow, timetable
 from gearstab.response.backlash.measure import LimitCycle, Meter, elastic
-from gearstab.response.backlash.track import Track
 from gearstab.response.branches.variation import factors
 from gearstab.response.linear.driven import driven
 from gearstab.response.linear.periodic import balanced
@@ -50,7 +48,7 @@ class Lap:
     @cached_property
     def multipliers(self) -> Array:
         """``(m,)`` complex, of descending magnitude, the smallest as exact as the largest."""
-        logs = kernel.current().graded([factor[None] for factor in self.factors])[0]
+        logs = kernel.graded([factor[None] for factor in self.factors])[0]
         found = np.exp(logs)
         # exp(i pi) is real but for rounding.
         found.imag[np.abs(found.imag) <= 4 * ROUNDING * np.abs(found)] = 0.0
@@ -108,10 +106,7 @@ class SectionMap:
         """The equations of motion at a mesh frequency, what varies in them, and which states are elastic."""
         motion = replace(self._motion, omega=omega)
         found = dynamics(self.system, motion, self.teeth)
-        table = timetable(found)
-        if table is None:
-            raise too_rough(self.tolerance)
-        return found, table, elastic(found)
+        return found, timetable(found, self.tolerance), elastic(found)
 
     def lap(self, start: Array, omega: float, periods: int = 1) -> Lap:
         """Follow the motion from the elastic state at the beginning of a common period.

@@ -18,14 +18,13 @@ import numpy as np
 
 from gearstab.response.backlash.contact import KINDS
 from gearstab.response.backlash.dynamics import DEGREE, Dynamics
+from gearstab.response.backlash.follow import Track
 from gearstab.response.backlash.measure import elastic
-from gearstab.response.backlash.track import Track
 from gearstab.system import Array
 
 
 def factors(model: Dynamics, track: Track) -> Array:
     """``(F, m, m)``: the matrices that a deviation of the elastic state meets on its way, the first one first."""
-    assert track.values is not None
     contacts, which = np.unique(track.contact, axis=0, return_inverse=True)
     made_of = [model.generators(contact) for contact in contacts]
     constant, parts = (np.stack(part)[np.ravel(which)] for part in zip(*made_of, strict=True))
@@ -54,7 +53,6 @@ def _flows(generators: Array) -> Array:
 
 def _saltations(model: Dynamics, ends: Track) -> Array:
     """``(E, m, m)``, S of the changes of contact at the ends of pieces."""
-    assert ends.values is not None
     m, n = model.size, model.size // 2
     carried = model.carriers == ends.mesh[:, None]
     acting = np.tensordot(ends.values.sum(axis=1) * carried, model.parts[:, :m, n:m], axes=1)

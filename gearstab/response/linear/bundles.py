@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab import ckernel
 from gearstab.propagation.intervals import ENTRIES, Interval, SteadyPoints, intervals
 from gearstab.propagation.segment import Eigen, divided_exponential
 from gearstab.system import Array
@@ -151,9 +150,9 @@ def bundles(points: SteadyPoints) -> Iterator[Bundle | Interval]:
 
 
 def monodromy(points: SteadyPoints) -> Array | None:
-    """M ``(K, m, m)`` by the compiled kernel; None where that is not in use or a state has no eigenvectors."""
+    """M ``(K, m, m)`` by the compiled kernel; None where a state has no eigenvectors."""
     equation, q = points.equation, points.equation.occupied
-    eigen = equation.states.eigen if equation.drive.exact and ckernel.in_use() and equation.form.size else None
+    eigen = equation.states.eigen if equation.drive.exact and equation.form.size else None
     if eigen is None:
         return None
     from gearstab.floquet.kernel.c_kernel import chained

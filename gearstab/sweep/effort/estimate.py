@@ -151,7 +151,7 @@ def estimate(plan: Plan, jobs: int | None = None, budget: float = BUDGET) -> Est
     """Compute samples of every method's grid for ``budget`` seconds in all, and scale what they take."""
     workers = jobs or ckernel.threads()
     clock, methods = Clock(budget), []
-    with ckernel.using(plan.kernel, threads=1):
+    with ckernel.using(threads=1):
         for k, layout in enumerate(plan.layouts):
             share = Clock(clock.left / (len(plan.layouts) - k))
             methods.append(_method(plan, layout, workers, share))
@@ -177,7 +177,7 @@ def small(layout: Layout) -> bool:
 
 def of_ranges(plan: Plan, layout: Layout, workers: int) -> float | None:
     """Seconds on all processors of such a method; None where that is not found out in WORD seconds."""
-    with ckernel.using(plan.kernel, threads=1):
+    with ckernel.using(threads=1):
         work, _ = _work(plan, layout, Clock(WORD))
     return None if work is None else work / min(workers, layout.count)
 

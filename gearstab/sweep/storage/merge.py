@@ -11,7 +11,6 @@ import numpy as np
 
 from gearstab.config import Axis, Config
 from gearstab.config.sections.targets import INPUT_SPEED
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import Key
 from gearstab.results.chunks import decode, encode
 from gearstab.results.display import FACTOR, OPERATING_RANGE, SPEEDS, typed
@@ -28,7 +27,6 @@ from gearstab.sweep.plan import Layout
 from gearstab.sweep.storage.earlier import origin
 from gearstab.sweep.storage.parts import FinishedBlock
 from gearstab.sweep.storage.store import Finished
-from gearstab.sweep.storage.taken import CHOSEN
 from gearstab.system import Array
 from gearstab.systems import model_of
 
@@ -37,8 +35,7 @@ def result_tree(finished: Finished, said: Mapping[str, str]) -> ResultTree:
     """The whole result of a plan of which all is finished; ``said``: what its root says besides."""
     plan = finished.plan
     axes = [with_range(field, plan.config) for axis in plan.config.axes for field in axis_fields(axis)]
-    ran = kernel.said(finished.kernels)
-    root = Group(tuple(axes), root_attributes(SWEEP, plan.config, ran) | {CHOSEN: plan.kernel} | dict(said))
+    root = Group(tuple(axes), root_attributes(SWEEP, plan.config) | dict(said))
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
         names = set(layout.dims)

@@ -43,7 +43,6 @@ class FinishedBlock:
     key: of the block. tongues: of the dimension ``tongue`` of this block. places: by variable, (offset, length) of its
     chunks, one, or one per tongue, in the part file at ``path``, or else in ``held``, in memory.
     points: how many it holds; unstable, failed: how many of them are; flags: how many carry each flag of ``status``.
-    kernels: which ones computed it.
     """
 
     key: str
@@ -53,7 +52,6 @@ class FinishedBlock:
     unstable: int
     failed: int
     flags: Mapping[str, int]
-    kernels: tuple[str, ...] = ()
     held: bytes = b""
     path: Path | None = None
 
@@ -94,7 +92,6 @@ def head_of(part: FinishedBlock, digest: str) -> bytes:
         "tongues": [[asdict(tongue), occurrence] for tongue, occurrence in part.tongues],
         "chunks": {name: [length for _, length in places] for name, places in part.places.items()},
         "points": part.points, "unstable": part.unstable, "failed": part.failed, "flags": dict(part.flags),
-        "kernels": part.kernels,
     }  # fmt: skip
     text = json.dumps(header).encode()
     return MAGIC + len(text).to_bytes(8, "little") + text
@@ -131,10 +128,9 @@ def _from_body(body: memoryview, path: Path, digest: str) -> FinishedBlock | Non
     tongues = tuple((_tongue(tongue), int(occurrence)) for tongue, occurrence in header["tongues"])
     points, unstable, failed = (int(header[name]) for name in ("points", "unstable", "failed"))
     flags = {str(name): int(count) for name, count in header["flags"].items()}
-    kernels = tuple(str(name) for name in header["kernels"])
     if offset + sum(length for chunks in places.values() for _, length in chunks) != len(body):
         return None
-    return FinishedBlock(header["key"], tongues, places, points, unstable, failed, flags, kernels, path=path)
+    return FinishedBlock(header["key"], tongues, places, points, unstable, failed, flags, path=path)
 
 
 def _tongue(entries: Mapping[str, Any]) -> Tongue:

@@ -47,11 +47,6 @@ class Finished:
         """Bytes of all chunks."""
         return sum(block.size() for block in self.blocks.values())
 
-    @property
-    def kernels(self) -> set[str]:
-        """Kernels that computed it."""
-        return {name for block in self.blocks.values() for name in block.kernels}
-
     def flags(self, layout: Layout) -> dict[str, int]:
         """Count the points of a method that carry each flag of ``status``."""
         total: Counter[str] = Counter()

@@ -20,9 +20,6 @@ from gearstab.system import Array
 if TYPE_CHECKING:
     import h5py
 
-CHOSEN = "kernel_chosen"
-"""Attribute of a result: the kernel that its sweep was to use."""
-
 Identity = tuple[int, int, int]
 """What tells a file from another one that took its name, or from itself before a change."""
 
@@ -37,14 +34,13 @@ def identity(path: Path) -> Identity:
 class Taken:
     """The points of an earlier result that a sweep needs not compute.
 
-    path, identity: of its file, which is only read. kernel: that computed it.
+    path, identity: of its file, which is only read.
     places: by method, for every axis of its results the index in the earlier result of each of its points, -1 where
     that lacks it. A point is taken over where all its axes have it.
     """
 
     path: Path
     identity: Identity
-    kernel: str
     places: Mapping[str, tuple[Array, ...]]
 
     def known(self, method: str, start: Sequence[int], shape: Sequence[int]) -> tuple[Array, ...] | None:

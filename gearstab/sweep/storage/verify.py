@@ -11,7 +11,6 @@ from math import isfinite, prod
 
 import numpy as np
 
-from gearstab.ckernel import NAMES
 from gearstab.methods import Key
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED, kind_of, label_of
@@ -41,7 +40,7 @@ def _fits(plan: Plan, block: GridBlock, part: FinishedBlock) -> bool:
     table = {variable.name: variable for variable in layout.method.results}
     if part.points != block.points or set(part.variables) != set(table):
         return False
-    if not set(part.kernels) <= set(NAMES) or not _regions(plan, layout, part.tongues):
+    if not _regions(plan, layout, part.tongues):
         return False
     return all(_sound(layout, block, variable, part) for variable in table.values()) and _counted(layout, block, part)
 

@@ -8,9 +8,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from gearstab.ckernel import available
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.kernel.choice import using
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular
 
@@ -78,14 +76,10 @@ SCENES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("kernel", available())
 @pytest.mark.parametrize(("split", "errors", "epsilon"), SCENES)
-def test_edges_of_almost_equal_modes(
-    split: float, errors: tuple[float, float, float], epsilon: float, kernel: str
-) -> None:
+def test_edges_of_almost_equal_modes(split: float, errors: tuple[float, float, float], epsilon: float) -> None:
     system = planets(split, errors, epsilon)
-    with using(kernel):
-        found = boundaries(system, 0.6, 3.2)
+    found = boundaries(system, 0.6, 3.2)
     assert len(found.row) >= 4
     assert not found.cut.any()
     # What rounding leaves open near 1 and -1 is of the order of the root of 1e-16, over a phase of some radians.
@@ -97,13 +91,11 @@ def test_edges_of_almost_equal_modes(
             assert not unstable(system, outside), (edge, tolerance)
 
 
-@pytest.mark.skipif("c" not in available(), reason="the compiled kernel was not built")
 @pytest.mark.parametrize("seed", range(6))
 def test_edges_of_equal_parts_that_are_not_split(seed: int) -> None:
     """Both pairs of multipliers leave the circle at once: the edges are those of one part alone."""
     system = equal_chains(seed)
-    with using("c"):
-        whole, split = boundaries(system, 0.7, 4.0, reduction=False), boundaries(system, 0.7, 4.0)
+    whole, split = boundaries(system, 0.7, 4.0, reduction=False), boundaries(system, 0.7, 4.0)
     assert len(whole.row) == len(split.row) >= 4
     allowed = whole.tolerance + split.tolerance
     for name in ("lower", "upper"):

@@ -10,7 +10,6 @@ from systems import oscillator, train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.kernel.choice import using
 from gearstab.methods.boundaries import BoundariesOptions
 from gearstab.waveforms import Rectangular
 
@@ -37,17 +36,15 @@ def edges(contact_ratio: float, order: int) -> tuple[float, float]:
         return float(low), float(high)
 
 
-@pytest.mark.parametrize("kernel", ["c", "numpy"])
 @pytest.mark.parametrize("floor", [1e-6, 1e-9, 1e-12])
-@pytest.mark.parametrize("times", [1.5, 1e2])
-def test_regions_a_little_wider_than_the_floor(kernel: str, floor: float, times: float) -> None:
+@pytest.mark.parametrize("times", [1.5, 7.0, 1e2])
+def test_regions_a_little_wider_than_the_floor(floor: float, times: float) -> None:
     contact_ratio = 1 + CLOSED + times * floor / 0.63  # the width over the distance from CLOSED
     for order in (2, 4, 12):
         low, high = edges(contact_ratio, order)
         assert high - low == pytest.approx(times * floor * low, rel=0.01 if times * floor < 1e-4 else 0.1)
         system = oscillator(Rectangular(contact_ratio), EPSILON)
-        with using(kernel=kernel):
-            found = boundaries(system, 0.99 * low, 1.01 * high, width_floor=floor)
+        found = boundaries(system, 0.99 * low, 1.01 * high, width_floor=floor)
         assert len(found.row) == 1
         # Stated tolerances hold; rounding moves an edge by 64 eps at most, and the closed form rounds to eps.
         slack = np.maximum(found.tolerance[0], 2**-46) * low

@@ -10,7 +10,6 @@ from systems import KINDS, SMOOTH_OMEGA, Smooth, smooth_train, star, system, tra
 
 from gearstab.floquet import solve
 from gearstab.floquet.frequencies import lyapunov, per_mesh
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.modal import modal_damping_matrix
 from gearstab.system import PeriodicTerm
 
@@ -32,15 +31,11 @@ def assert_signs(found):
         assert np.all(found.exponents.real[found.stable == 1] <= 0)
 
 
-@pytest.mark.parametrize("using", sorted(kernel.KERNELS))
 @pytest.mark.parametrize("ratio", RATIOS)
-def test_exact(ratio, using):
-    if using not in kernel.available():
-        pytest.skip("not built")
+def test_exact(ratio):
     omega = np.linspace(0.3, 6.0, 150)
-    with kernel.using(using):
-        for item in (train(0.0), train(), train(0.9), star(0.3)):
-            assert_signs(solve(lightly_damped(item, ratio), omega, exponents=ratio == 1e-12))
+    for item in (train(0.0), train(), train(0.9), star(0.3)):
+        assert_signs(solve(lightly_damped(item, ratio), omega, exponents=ratio == 1e-12))
 
 
 @pytest.mark.parametrize("kind", KINDS)

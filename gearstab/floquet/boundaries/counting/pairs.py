@@ -43,70 +43,20 @@ class KreinSpectrum:
     mirror: Array
 
 
-@dataclass(frozen=True)
-class MultiplierPair:
-    """delta, |b| and d delta/d tau of the nearest pair of each class, ``(2, P)``; NaN where there is none.
-
-    The slope is that of delta in a fixed basis; tau = T/2 pi.
-    """
-
-    detuning: Array
-    coupling: Array
-    slope: Array
-
-
-def nearest(
-    matrix: Array, energy: Array, found: KreinSpectrum, order: Array, phase: Array, off: Array
-) -> tuple[MultiplierPair, MultiplierPair]:
-    """(ahead, behind): the pairs of each class that meet next and that met last at P points.
-
-    order ``(P, n)``: which multipliers are the positive ones, or outside the circle (``off``); phase: their angles.
-    """
-    points, n = phase.shape
-    total = (phase[:, :, None] + phase[:, None, :]) % (2 * np.pi)
-    blocked = off[:, :, None] | off[:, None, :]
-    result = []
-    any_off = np.flatnonzero(off.any(axis=1))
-    inside = least_off(matrix, energy, found, order, off, any_off)
-    for direction in (1, -1):
-        table = np.full((3, 2, points), np.nan)
-        for kind in (SELF, COMBINATION):
-            wrong = ~np.eye(n, dtype=bool) if kind == SELF else np.tri(n, dtype=bool)
-            gap = np.where(blocked | wrong, np.inf, 2 * np.pi - total if direction > 0 else total).reshape(points, -1)
-            best = gap.argmin(axis=1)
-            usable = np.flatnonzero(gap[np.arange(points), best] < np.pi)
-            i, j = best[usable] // n, best[usable] % n
-            first = found.vectors[usable, :, order[usable, i]]
-            second = found.vectors[usable, :, order[usable, j]].conj()
-            table[:, kind, usable] = reduced(matrix[usable], energy[usable], first, second)
-            table[:, kind, any_off] = inside[:, kind]
-        result.append(MultiplierPair(*table))
-    return result[0], result[1]
-
-
-def least_off(matrix: Array, energy: Array, found: KreinSpectrum, order: Array, off: Array, points: Array) -> Array:
-    """delta, |b|, d delta/d tau ``(3, 2, p)`` for unstable points ``(p,)``: of each class the pair that is least far
-    off the circle; of multipliers ``order`` ``(P, m)``, of which those ``off`` the circle are looked at.
-    """
-    table = np.full((3, 2, len(points)), np.nan)
-    if len(points) == 0:
-        return table
-    chosen, apart = order[points], off[points]
-    values = np.take_along_axis(found.values[points], chosen, axis=1)
+def least_off(matrix: Array, found: KreinSpectrum) -> tuple[Array, Array]:
+    """Return delta and |b| ``(2, P)`` of the pair of each class that is least far off the circle; NaN without one."""
+    table, outside = np.full((2, 2, len(matrix)), np.nan), found.off & (np.abs(found.values) > 1)
     for kind in (SELF, COMBINATION):
-        wanted = apart & ((values.imag == 0) == (kind == SELF))
-        excess = np.where(wanted, np.abs(values), np.inf)
+        excess = np.where(outside & ((found.values.imag == 0) == (kind == SELF)), np.abs(found.values), np.inf)
         best = excess.argmin(axis=1)
-        usable = np.flatnonzero(np.isfinite(excess[np.arange(len(points)), best]))
-        p = points[usable]
-        k = chosen[usable, best[usable]]
-        first, second = found.vectors[p, :, k], found.vectors[p, :, found.mirror[p, k]]
-        table[:, kind, usable] = reduced(matrix[p], energy[p], first, second)
-    return table
+        p = np.flatnonzero(np.isfinite(excess[np.arange(len(excess)), best]))
+        k = best[p]
+        table[:, kind, p] = reduced(matrix[p], found.vectors[p, :, k], found.vectors[p, :, found.mirror[p, k]])
+    return table[0], table[1]
 
 
-def reduced(matrix: Array, energy: Array, first: Array, second: Array) -> Array:
-    """delta, |b|, d delta/d tau ``(3, P)`` on the span of two eigenvectors ``(P, 2n)`` of M ``(P, 2n, 2n)``."""
+def reduced(matrix: Array, first: Array, second: Array) -> Array:
+    """Return delta and |b| ``(2, P)`` on the span of two eigenvectors ``(P, 2n)`` of M ``(P, 2n, 2n)``."""
     n = matrix.shape[-1] // 2
     rest = second - first * np.einsum("pi,pi->p", first.conj(), second)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -129,9 +79,7 @@ def reduced(matrix: Array, energy: Array, first: Array, second: Array) -> Array:
     block = block / mu[:, None, None]
     detuning = (block[:, 0, 0] + block[:, 1, 1]).imag
     coupling = np.abs(block[:, 0, 1] - block[:, 1, 0].conj()) / 2
-    vectors = basis @ frame
-    slope = np.einsum("pik,pik->p", vectors.conj(), energy @ vectors).real
-    return np.where(fine, np.stack([detuning, coupling, slope]), np.nan)
+    return np.where(fine, np.stack([detuning, coupling]), np.nan)
 
 
 def _krein(left: Array, right: Array) -> Array:

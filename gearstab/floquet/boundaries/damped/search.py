@@ -21,7 +21,7 @@ from gearstab.floquet.boundaries.damped.proof import MODULI, PROVED, SPECTRUM, C
 from gearstab.floquet.boundaries.damped.roots import RootBrackets, narrowed
 from gearstab.floquet.boundaries.damped.scan import STEP, Scan
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
-from gearstab.floquet.boundaries.undamped import choice as undamped
+from gearstab.floquet.boundaries.undamped import search as undamped
 from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel import damped as general
 from gearstab.floquet.kernel.chain import Chain

@@ -1,5 +1,5 @@
-"""The names of the unstable intervals of a pattern by the kernel in use: where to look, and what :mod:`labels
-<gearstab.floquet.boundaries.names.labels>` makes of it.
+"""The names of the unstable intervals of a pattern: where to look, and what the compiled kernel makes of it
+(:mod:`~gearstab.floquet.boundaries.names.labels`).
 """
 
 from __future__ import annotations
@@ -9,11 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.ckernel import in_use
 from gearstab.floquet.boundaries.counting.points import exact, first_modes
-from gearstab.floquet.boundaries.intervals import Intervals, by_row
-from gearstab.floquet.boundaries.names import labels
-from gearstab.floquet.boundaries.names.labels import Root, Shares, Unnamed
+from gearstab.floquet.boundaries.intervals import Intervals
+from gearstab.floquet.boundaries.names.labels import Root
 from gearstab.floquet.kernel import c_boundaries
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
@@ -55,10 +53,14 @@ def named(pattern: Pattern, intervals: Intervals, frequency: Array) -> tuple[Nam
     """
     owner, row, cycle = _points(intervals)
     extra = np.bincount(row, minlength=len(pattern.rows))
-    if in_use():
-        found = _compiled(pattern, intervals, frequency, owner, row, cycle)
-    else:
-        found = _reference(pattern, intervals, frequency, owner, row, cycle)
+    turn = first_modes(pattern, np.arange(len(pattern.rows)))
+    shares = c_boundaries.shares(exact(pattern), pattern, turn, row, cycle)
+    shares["point"] = owner[shares["point"]]
+    middle = 0.5 * (intervals.start + intervals.stop)
+    # Where the range cuts a region its meetings are not all there.
+    meetings = np.where(np.any(intervals.cut, axis=1, keepdims=True), 0, intervals.meetings)
+    known = c_boundaries.names(frequency, pattern.cycles, intervals.row, middle, intervals.passed, meetings, shares)
+    found = Names(known["region"], np.stack([known[name] for name in ("p", "q", "cycles")], axis=1))
     return coupled(pattern, intervals, found), extra
 
 
@@ -83,49 +85,6 @@ def _points(intervals: Intervals) -> tuple[Array, Array, Array]:
     first = np.searchsorted(owner, np.flatnonzero(several))
     place[first + 1], place[first + 2] = ASIDE, 1 - ASIDE
     return owner, intervals.row[owner], intervals.start[owner] + place * (intervals.stop - intervals.start)[owner]
-
-
-def _records(pattern: Pattern, row: Array, cycle: Array) -> Array:
-    """Shares (:data:`~gearstab.floquet.kernel.c_boundaries.SHARE`) in the order of the points, ordered by row."""
-    turn = first_modes(pattern, np.arange(len(pattern.rows)))
-    return c_boundaries.shares(exact(pattern), pattern, turn, row, cycle)
-
-
-def _compiled(
-    pattern: Pattern, intervals: Intervals, frequency: Array, owner: Array, row: Array, cycle: Array
-) -> Names:
-    found = _records(pattern, row, cycle)
-    found["point"] = owner[found["point"]]
-    middle = 0.5 * (intervals.start + intervals.stop)
-    given = intervals.row, middle, intervals.passed, _meetings(intervals)
-    known = c_boundaries.names(frequency, pattern.cycles, *given, found)
-    return Names(known["region"], np.stack([known[name] for name in ("p", "q", "cycles")], axis=1))
-
-
-def _reference(
-    pattern: Pattern, intervals: Intervals, frequency: Array, owner: Array, row: Array, cycle: Array
-) -> Names:
-    shares: list[Shares] = [{} for _ in intervals]
-    for k, there in zip(owner, labels.shares(pattern, row, cycle) if len(owner) else [], strict=True):
-        for root, share in there.items():
-            shares[k][root] = max(share, shares[k].get(root, 0.0))
-    names: list[tuple[Root, ...]] = [()] * len(intervals)
-    middle = 0.5 * (intervals.start + intervals.stop)
-    counts = zip(intervals.passed.tolist(), _meetings(intervals).tolist(), strict=True)
-    every = [
-        Unnamed(float(middle[k]), shares[k], tuple(passed), tuple(meetings))
-        for k, (passed, meetings) in enumerate(counts)
-    ]
-    for k, mine in enumerate(by_row(intervals.row, len(pattern.rows))):
-        if len(mine):
-            for j, own in zip(mine, labels.assign([every[j] for j in mine], frequency[k], pattern.cycles), strict=True):
-                names[j] = own
-    return Names.of(names)
-
-
-def _meetings(intervals: Intervals) -> Array:
-    """Those inside; where the range cuts a region they are not all there."""
-    return np.where(np.any(intervals.cut, axis=1, keepdims=True), 0, intervals.meetings)
 
 
 def _coupled(directions: Array) -> Array:

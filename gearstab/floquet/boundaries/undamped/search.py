@@ -1,103 +1,56 @@
-"""All unstable intervals of a conservative pattern along the period, by refinement of brackets.
+"""All unstable intervals of a conservative pattern along the period: brackets that the compiled kernel refines.
 
-A bracket lies between two neighbouring samples of a row. Its integers
-(:mod:`~gearstab.floquet.boundaries.counting.krein`) say what it holds:
-
-* nothing (both ends stable, equal C; or nowhere stable: begun at the left end exceeds ended at the right end): done;
-* exactly one edge (one end stable, the integers of the two agree, no third multiplier near): refined to the tolerance;
-* narrow: both ends stable, C differs: tongues or contacts; refined until an unstable sample or the width floor is met;
-* open: anything else, e.g. two unstable ends that may have a stable gap between them: halved.
-
-All brackets of all rows are refined at once, one point a bracket and round. Points are proposed by interpolation of
-the detuning of the colliding pair (:mod:`~gearstab.floquet.boundaries.counting.pairs`), and by halving where that does
-not help; what counts is only the verdict at the point, so that every edge ends between two samples that are a
-tolerance apart.
+A bracket lies between two neighbouring points of a row. Counts of collisions
+(:mod:`~gearstab.floquet.boundaries.counting.krein`) decide what it holds: nothing, one edge, a narrow tongue or
+contact, or more. Krein signs and speeds of multipliers come from a second monodromy matrix a tiny step in the period
+later.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.boundaries.counting.krein import evaluate
+from gearstab.floquet.boundaries.counting.krein import about_to_meet, opened, stable_at
 from gearstab.floquet.boundaries.counting.pairs import COMBINATION, SELF
-from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
+from gearstab.floquet.boundaries.counting.points import exact
+from gearstab.floquet.boundaries.intervals import Intervals
+from gearstab.floquet.kernel import c_boundaries
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
-NOTHING, ENTRANCE, EXIT, NARROW, OPEN = range(5)
+DENSITY = 0.25
+"""Points of the scan per collision of multipliers; up to 1 small systems take the same time, and 59 coordinates a fifth
+more with 0.5."""
 
-CHUNK = 20000
-"""Matrix entries (points times n^2) treated at once."""
-COARSEST = 6
-"""Samples of a row that has hardly any collisions."""
-PATIENCE = 4
-"""Rounds of interpolation in which a bracket must halve."""
-NEAR = 1.2
-"""Margin by which a pair must miss each other for a bracket to be empty, and a third multiplier for one edge."""
-SMALL = 0.26
-"""Part of the scan's spacing: brackets whose integers are unknown are taken at face value below, after two halvings."""
-ELSEWHERE = 0.11
-"""Part of a bracket by which to go off its middle, to either side in turn, for each time that it told nothing."""
-CLOSED, BESIDE = 0.8, 0.45
-"""A tongue predicted to be narrower than the first part of the floor is enclosed between stable points at the second
-part of the floor from it, on both sides."""
-WITHIN = 0.4
-"""Part of the tolerance: the least distance of a proposed edge from the ends of its bracket."""
-ATTEMPTS = 4
-"""Points tried where signs are lost in rounding, before a bracket is left as it is."""
-ROUNDS = 200
+BLURRED = 1.05
+"""Bracket of an edge over the tolerance, beyond which it is that of rounding errors."""
 ROUNDED = 2.0**-46
 """Relative error of where a verdict changes, 64 eps: phases of some ten turns are right to a few eps each."""
+SHARP = 0.2
+"""The bracket of an edge from inside, over the tolerance."""
+NARROW = 3e-3
+"""Width over the mean distance of collisions up to which the edges of a tongue follow from inside."""
+INSIDE = np.array([-0.9, -0.3, 0.3, 0.9])
+"""Places inside a tongue where its pair of multipliers is looked at, from edge -1 to edge 1."""
+STEPS = 4
+"""Steps of Newton's method from where the edges seem to be."""
+TRUSTED = 0.25
+"""Half-widths by which rounding may have moved an edge, at most."""
+FARTHEST = 4
+"""The same over its bracket: products of hundreds of steps round more than the estimate of it says."""
 
 
-@dataclass
-class Samples:
-    """What is known at the points sampled so far; see :class:`~gearstab.floquet.boundaries.counting.krein.Verdicts`.
-
-    row, cycle ``(P,)``; ahead, behind ``(2, 2, P)``: detuning and coupling of each class.
-    """
-
-    row: Array
-    cycle: Array
-    stable: Array
-    begun: Array
-    ended: Array
-    known: Array
-    real: Array
-    ahead: Array
-    behind: Array
-    soon: Array
-    since: Array
-    crowded: Array
-    crowding: Array
-
-    def __len__(self) -> int:
-        return len(self.row)
-
-    def joined(self, other: Samples) -> Samples:
-        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
-        return Samples(*(np.concatenate(pair, axis=-1) for pair in pairs))
-
-
-@dataclass
-class Brackets:
-    """Intervals between neighbouring samples: positions ``(B,)`` of the ends, and of the end that was replaced last
-    (-1: none).
-
-    age, width: rounds of interpolation and the width when they began; failures: points that told nothing.
-    """
-
-    left: Array
-    right: Array
-    old: Array
-    age: Array
-    width: Array
-    failures: Array
-
-    def subset(self, index: Array) -> Brackets:
-        return Brackets(*(getattr(self, f.name)[index] for f in fields(self)))
+FINEST = 5e-12
+"""Tolerances below ask for more than the kernel may leave of an edge."""
+NARROWEST = 2.0**-20
+"""Regions that the kernel searches itself: signs are told by a second matrix, a sixteenth of the floor and at most
+2^-24 of the period later (window.h). Shorter steps lose to rounding what they shall tell."""
+NEARER = 2.0**-28
+"""How near to a collision that opens hardly any region the second look at it is, relative."""
+NODES = np.array([-3.0, -2.0, 2.0, 3.0])
+"""Where a collision that opens a narrower one is looked at, in units of NARROWEST, and then of its width or NEARER."""
 
 
 @dataclass(frozen=True)
@@ -111,263 +64,146 @@ class Search:
     evaluations: Array
 
 
-def sample(pattern: Pattern, row: Array, cycle: Array) -> Samples:
-    """Evaluate points in chunks."""
-    step = max(1, CHUNK // pattern.size**2)
-    parts = []
-    for i in range(0, len(row), step):
-        part = slice(i, i + step)
-        v = evaluate(pattern, row[part], cycle[part])
-        ahead = np.stack([v.ahead.detuning, v.ahead.coupling])
-        behind = np.stack([v.behind.detuning, v.behind.coupling])
-        verdicts = v.stable, v.begun, v.ended, v.known, v.real
-        times = v.soon, v.since, v.crowded, v.crowding
-        parts.append(Samples(row[part], cycle[part], *verdicts, ahead, behind, *times))
-    total = parts[0]
-    for more in parts[1:]:
-        total = total.joined(more)
-    return total
-
-
 def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor: float) -> Search:
     """Unstable intervals of all rows between the cycles ``first`` and ``last`` ``(r,)``, 1/Omega in the pattern's
     units.
 
-    tolerance, floor: relative to Omega.
+    tolerance, floor: of an edge and of a region, relative to Omega.
     """
     if len(pattern.states) == 1 and np.all(pattern.squared_frequency > 0):
         # Constant stiffness: multipliers only pass through each other.
         return Search(Intervals.of([]), *np.zeros((2, len(first)), dtype=np.int64))
-    samples, brackets = _scan(pattern, first, last)
-    spacing = np.full(len(first), np.inf)
-    np.minimum.at(spacing, samples.row[brackets.left], samples.cycle[brackets.right] - samples.cycle[brackets.left])
-    evaluations = np.bincount(samples.row, minlength=len(first))
-    contacts = np.zeros(len(first), dtype=np.int64)
-    edges: list[tuple[Array, ...]] = []
-    for _ in range(ROUNDS):
-        kind = classify(samples, brackets, spacing)
-        least = np.where(samples.stable[brackets.left] != samples.stable[brackets.right], tolerance, floor)
-        wide = _width(samples, brackets) > least * samples.cycle[brackets.left]
-        more = (kind != NOTHING) & wide & (brackets.failures < ATTEMPTS)
-        finished = brackets.subset(np.flatnonzero((kind != NOTHING) & ~more))
-        _finish(samples, finished, kind[(kind != NOTHING) & ~more], edges, contacts)
-        brackets, kind = brackets.subset(np.flatnonzero(more)), kind[more]
-        if len(brackets.left) == 0:
-            break
-        cycle = propose(samples, brackets, kind, tolerance, floor)
-        fresh = sample(pattern, samples.row[brackets.left], cycle)
-        evaluations += np.bincount(fresh.row, minlength=len(first))
-        samples, brackets = _divide(samples, fresh, brackets)
-    left, right = (np.concatenate(part) for part in zip(*edges, strict=True))
-    places, extra = _halved(pattern, samples, left, right, tolerance)
-    intervals = _assemble(samples, left, right, places, first, last, floor)
-    return Search(intervals, contacts, evaluations + extra)
+    widths = max(floor, NARROWEST), floor
+    edges, reach = c_boundaries.edges(exact(pattern), pattern, first, last, tolerance, *widths, DENSITY)
+    collision = edges["enters"] >= c_boundaries.BEFORE
+    ends = _ends(edges[~collision], reach, first, last)
+    begin = np.flatnonzero((ends["enters"][:-1] == 1) & (ends["enters"][1:] == 0) & (np.diff(ends["row"]) == 0))
+    begin = begin[ends["cycle"][begin + 1] - ends["cycle"][begin] > floor * ends["cycle"][begin]]
+    start, stop = ends[begin], ends[begin + 1]
+    # Counts at an end of the range where growth is strong are not known: none are reported there.
+    meetings = np.maximum(stop["passed"] - start["passed"], 0)
+    extra = _sharpen(pattern, start, stop, meetings, tolerance)
+    contacts = reach["passed"][:, 1] - reach["passed"][:, 0]
+    np.subtract.at(contacts, start["row"], meetings)
+    if tolerance < FINEST:
+        extra = extra + _halved(pattern, start, tolerance) + _halved(pattern, stop, tolerance)
+    error, cut = (np.stack([start[name], stop[name]], axis=1) for name in ("error", "cut"))
+    intervals = Intervals(start["row"], start["cycle"], stop["cycle"], start["passed"], meetings, error, cut == 1)
+    if collision.any():
+        narrow, more = _narrow(pattern, edges[collision], tolerance, floor)
+        np.subtract.at(contacts, narrow.row, narrow.meetings)
+        intervals, extra = intervals.joined(narrow), extra + more
+    # A collision beside +-1 is one of the complex conjugates too.
+    return Search(intervals, np.maximum(contacts, 0) @ [1, 1, 2], reach["evaluations"] + extra)
 
 
-def _scan(pattern: Pattern, first: Array, last: Array) -> tuple[Samples, Brackets]:
-    """About one sample a collision, uniform in the period, and the brackets between them."""
-    count = collisions(pattern, first, last)
-    row = np.repeat(np.arange(len(first)), count)
-    place = np.concatenate([np.linspace(0, 1, c) for c in count])
-    cycle = first[row] + (last - first)[row] * place
-    # Both ends exactly.
-    cycle[np.cumsum(count) - 1] = last
-    samples = sample(pattern, row, cycle)
-    for attempt in range(1, ATTEMPTS):
-        lost = np.flatnonzero(~samples.known & samples.stable)
-        if len(lost) == 0:
-            break
-        # Further than rounding reaches; at an end of the range hardly, and inwards.
-        nudge = np.where(place[lost] == 1, -1, 1) * attempt * np.where((place[lost] % 1) == 0, 1e-11, 1e-4)
-        again = sample(pattern, row[lost], cycle[lost] * (1 + nudge))
-        for f in fields(samples):
-            getattr(samples, f.name)[..., lost] = getattr(again, f.name)
-    kept = np.flatnonzero(samples.known | ~samples.stable)
-    inner = samples.row[kept[1:]] == samples.row[kept[:-1]]
-    left, right = kept[:-1][inner], kept[1:][inner]
-    none = np.full(len(left), -1)
-    return samples, Brackets(
-        left, right, none, np.zeros_like(left), samples.cycle[right] - samples.cycle[left], np.zeros_like(left)
-    )
+def _narrow(pattern: Pattern, ends: Array, tolerance: float, floor: float) -> tuple[Intervals, Array]:
+    """Regions narrower than NARROWEST but not than the floor, and the evaluations of each row.
 
-
-def collisions(pattern: Pattern, first: Array, last: Array) -> Array:
-    """About how many collisions lie between two cycles, ``(r,)``: pairs p <= q meet every (w_p + w_q) T = 2 pi."""
-    mean = np.sqrt(np.maximum(pattern.squared_frequency, 0)).mean(axis=1).sum(axis=-1)
-    return np.maximum(COARSEST, np.ceil((pattern.size + 1) * mean * pattern.cycles * (last - first)).astype(int))
-
-
-def classify(samples: Samples, brackets: Brackets, spacing: Array) -> Array:
-    """Decide what each bracket holds. Where the integers are unknown (strong growth) a bracket is halved down to a
-    quarter of the scan's spacing and then taken at face value.
+    ends: points on both sides of collisions; where several fall together they are left out. Of a single one, delta and
+    |b|^2 (:mod:`~gearstab.floquet.boundaries.counting.pairs`) are so smooth that cubics through four points beside it
+    are exact, and its edges, delta = -+2 |b|, are well conditioned.
     """
-    a, b = brackets.left, brackets.right
-    stable_a, stable_b = samples.stable[a], samples.stable[b]
-    begun, ended = samples.begun[a], samples.ended[b]
-    known = samples.known[a] & samples.known[b]
-    width = _width(samples, brackets)
-    near = (samples.soon[a] < NEAR * width) & (samples.since[b] < NEAR * width)
-    kind = np.full(len(a), OPEN)
-    same = begun == ended
-    # Where a third multiplier overtakes a tongue, three edges can count like one.
-    single = same & ((samples.crowding[a] > NEAR * width) | (samples.crowded[b] > NEAR * width))
-    kind[stable_a & ~stable_b & single] = ENTRANCE
-    kind[~stable_a & stable_b & single] = EXIT
-    kind[stable_a & stable_b & ~same] = NARROW
-    kind[~near & ((stable_a & stable_b & same) | (~stable_a & ~stable_b & (begun > ended)))] = NOTHING
-    small = width < SMALL * spacing[samples.row[a]]
-    face = np.where(stable_a, np.where(stable_b, NARROW, ENTRANCE), np.where(stable_b, EXIT, NOTHING))
-    return np.where(known, kind, np.where(small, face, OPEN))
+    ends = ends[np.lexsort((ends["enters"], ends["cycle"], ends["row"]))]
+    left, right = ends[ends["enters"] == c_boundaries.BEFORE], ends[ends["enters"] == c_boundaries.AFTER]
+    single = (right["passed"] - left["passed"]).sum(axis=1) == 1
+    left, right = left[single], right[single]
+    meetings, row, middle = right["passed"] - left["passed"], left["row"], 0.5 * (left["cycle"] + right["cycle"])
+    start, stop, place, reach = middle, middle, meetings.argmax(axis=1), NARROWEST * middle
+    for width in (NARROWEST, NEARER):
+        center, unit = 0.5 * (start + stop), np.maximum(stop - start, width * middle)
+        at = center + unit * NODES[:, None]
+        parts = about_to_meet(pattern, np.tile(row, len(NODES)), at.ravel(), np.tile(place, len(NODES)))
+        delta, b = (part.reshape(at.shape) for part in parts)
+        detuning, squared = np.linalg.solve(np.vander(NODES), np.stack([delta, b**2]))
+        start, stop = (center + unit * _edge(detuning, squared, side) for side in (2.0, -2.0))
+    # No further from where it was counted than it may be wide.
+    kept = (np.abs(start - middle) < reach) & (np.abs(stop - middle) < reach) & (stop - start > floor * start)
+    error = (SHARP * tolerance + 2 * ROUNDED) * np.stack([start, stop], axis=1)
+    columns = row, start, stop, left["passed"], meetings, error, np.zeros((len(row), 2), dtype=bool)
+    evaluations = 2 * len(NODES) * np.bincount(row, minlength=len(pattern.rows))
+    return Intervals(*(column[kept] for column in columns)), evaluations
 
 
-def _width(samples: Samples, brackets: Brackets) -> Array:
-    return samples.cycle[brackets.right] - samples.cycle[brackets.left]
+def _edge(detuning: Array, squared: Array, side: float) -> Array:
+    """Where delta + side |b| = 0, of cubics ``(4, K)`` delta and |b|^2."""
+    u = np.zeros(detuning.shape[1])
+    for _ in range(STEPS):
+        value = _polynomial(detuning, u) + side * np.sqrt(np.maximum(_polynomial(squared, u), 0.0))
+        u = u - value / _derivative(detuning, u)
+    return u
 
 
-def propose(samples: Samples, brackets: Brackets, kind: Array, tolerance: float, floor: float) -> Array:
-    """The next point of each bracket, ``(B,)``."""
-    a, b = brackets.left, brackets.right
-    x, y = samples.cycle[a], samples.cycle[b]
-    middle = 0.5 * (x + y)
-    # Where a middle told nothing, somewhere else.
-    middle += (y - x) * ELSEWHERE * brackets.failures * np.where(brackets.failures % 2 == 1, 1, -1)
-    weight = np.where(kind == NARROW, samples.ended[b] - samples.begun[a], 1)
-    weight = np.where(kind == ENTRANCE, samples.begun[b] - samples.begun[a], weight)
-    weight = np.where(kind == EXIT, samples.ended[b] - samples.ended[a], weight)
-    group = np.where(weight == 1, SELF, COMBINATION)
-    side = np.select([kind == ENTRANCE, kind == EXIT], [2.0, -2.0], 0.0)
-    f, g = (_value(samples.ahead, a, group, side), _value(samples.behind, b, group, side))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        root = x - f * (y - x) / (g - f)
-        better = _quadratic(samples, brackets, group, side, (x, f), (y, g))
-        root = np.where((better > x) & (better < y), better, root)
-        usable = (f < 0) & (g > 0) & (root > x) & (root < y) & (weight <= 2) & (kind != OPEN)
-        usable &= (brackets.failures == 0) & (brackets.age < PATIENCE)
-        least = WITHIN * tolerance * x
-        root = np.where(side != 0, np.clip(root, x + least, y - least), root)
-        # Is the tongue predicted to be narrower than the floor? Then enclose it between two stable points.
-        slope = (g - f) / (y - x)
-        coupling = np.maximum(samples.ahead[1, group, a], samples.behind[1, group, b])
-        closed = (side == 0) & (4 * coupling < CLOSED * floor * x * slope)
-        aside = BESIDE * floor * x
-        probe = np.where(root - x > (BESIDE + 0.01) * floor * x, root - aside, root + aside)
-    usable &= ~closed | ((probe > x) & (probe < y))
-    return np.where(usable, np.where(closed, probe, root), middle)
-
-
-def _value(side: Array, index: Array, group: Array, factor: Array) -> Array:
-    return side[0, group, index] + factor * side[1, group, index]
-
-
-def _quadratic(
-    samples: Samples,
-    brackets: Brackets,
-    group: Array,
-    factor: Array,
-    left: tuple[Array, Array],
-    right: tuple[Array, Array],
-) -> Array:
-    """Inverse quadratic interpolation through both ends and the end replaced last; NaN without one."""
-    old = np.maximum(brackets.old, 0)
-    z = samples.cycle[old]
-    ahead = z < left[0]
-    h = np.where(ahead, _value(samples.ahead, old, group, factor), _value(samples.behind, old, group, factor))
-    (x, f), (y, g) = left, right
-    root = x * g * h / ((f - g) * (f - h)) + y * f * h / ((g - f) * (g - h)) + z * f * g / ((h - f) * (h - g))
-    monotone = np.where(ahead, h < f, h > g)
-    return np.where((brackets.old >= 0) & monotone, root, np.nan)
-
-
-def _divide(samples: Samples, fresh: Samples, brackets: Brackets) -> tuple[Samples, Brackets]:
-    """Put the new samples into their brackets; one that told nothing is dropped."""
-    a, b = brackets.left, brackets.right
-    good = fresh.known | ~fresh.stable
-    new = len(samples) + np.arange(len(fresh))
-    keep = np.flatnonzero(good)
-    middle = new[keep]
-    left, right = a[keep], b[keep]
-    joined = samples.joined(fresh)
-    age, width = brackets.age[keep] + 1, brackets.width[keep]
-    first = Brackets(left, middle, right, age, width, np.zeros_like(left))
-    second = Brackets(middle, right, left, age, width, np.zeros_like(left))
-    bad = brackets.subset(np.flatnonzero(~good))
-    bad.failures = bad.failures + 1
-    parts = [first, second, bad]
-    total = Brackets(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Brackets)))
-    now = _width(joined, total)
-    restart = (now < 0.5 * total.width) | (total.age > PATIENCE)
-    total.age = np.where(restart, 0, total.age)
-    total.width = np.where(restart, now, total.width)
-    return joined, total
-
-
-def _finish(samples: Samples, brackets: Brackets, kind: Array, edges: list[tuple[Array, ...]], contacts: Array) -> None:
-    """Note the edges and the contacts among brackets that need no more work."""
-    a, b = brackets.left, brackets.right
-    edge = samples.stable[a] != samples.stable[b]
-    edges.append((a[edge], b[edge]))
-    narrow = kind == NARROW
-    np.add.at(contacts, samples.row[a[narrow]], (samples.ended[b] - samples.begun[a])[narrow])
-
-
-def _halved(pattern: Pattern, samples: Samples, a: Array, b: Array, tolerance: float) -> tuple[Array, Array]:
-    """Cycles on both sides of each edge between the samples a and b ``(2, E)``, and the evaluations of each row.
-
-    Where signs are lost in rounding a bracket was left wider than the tolerance; stable or not is known even there.
+def _halved(pattern: Pattern, ends: Array, tolerance: float) -> Array:
+    """Replace edges that are not known to the tolerance by halving their brackets, and return the evaluations of each
+    row: eigenvectors tell a pair on the circle from one off it in the last digits.
     """
-    ends, row = samples.cycle[np.stack([a, b])], samples.row[a]
-    evaluations = np.zeros(len(pattern.rows), dtype=np.int64)
-    while len(wide := np.flatnonzero(ends[1] - ends[0] > tolerance * ends[0])):
-        middle = 0.5 * (ends[0] + ends[1])[wide]
-        stable = evaluate(pattern, row[wide], middle).stable
-        ends[np.where(stable == samples.stable[a[wide]], 0, 1), wide] = middle
-        evaluations += np.bincount(row[wide], minlength=len(evaluations))
-    return ends, evaluations
+    chosen = np.flatnonzero((ends["cut"] == 0) & (ends["error"] > tolerance * ends["cycle"]))
+    row, error = ends["row"][chosen], ends["error"][chosen]
+    low, high = ends["cycle"][chosen] - error, ends["cycle"][chosen] + error
+    rounds = int(np.ceil(np.log2(np.max((high - low) / (tolerance * low), initial=1.0))))
+    for _ in range(rounds):
+        middle = 0.5 * (low + high)
+        beyond = stable_at(pattern, row, middle) != (ends["enters"][chosen] == 1)
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    ends["cycle"][chosen] = 0.5 * (low + high)
+    ends["error"][chosen] = high - low + 2 * ROUNDED * high
+    return rounds * np.bincount(row, minlength=len(pattern.rows))
 
 
-def _assemble(
-    samples: Samples, a: Array, b: Array, places: Array, first: Array, last: Array, floor: float
-) -> Intervals:
-    order = np.lexsort((places[0], samples.row[a]))
-    a, b, places = a[order], b[order], places[:, order]
-    usable = np.flatnonzero(samples.known | ~samples.stable)
-    result = []
-    edges_of, samples_of = by_row(samples.row[a], len(first)), by_row(samples.row[usable], len(first))
-    for row, (mine, own) in enumerate(zip(edges_of, samples_of, strict=True)):
-        result += _intervals(samples, a[mine], b[mine], places[:, mine], usable[own], row, floor)
-    return Intervals.of(result)
+def _polynomial(coefficients: Array, u: Array) -> Array:
+    """Values at u ``(K,)`` of polynomials ``(degree + 1, K)``, the highest power first."""
+    value = np.zeros(len(u))
+    for c in coefficients:
+        value = value * u + c
+    return value
 
 
-def _intervals(
-    samples: Samples, a: Array, b: Array, places: Array, own: Array, row: int, floor: float
-) -> list[Interval]:
-    """Pair entrances with exits; a region that reaches an end of the range is cut there."""
-    where = 0.5 * (places[0] + places[1])
-    error = places[1] - places[0] + 2 * ROUNDED * where
-    result: list[Interval] = []
-    lowest, highest = own[np.argmin(samples.cycle[own])], own[np.argmax(samples.cycle[own])]
-    start = None if samples.stable[lowest] else (samples.cycle[lowest], lowest, 0.0)
-    for k in range(len(a)):
-        if samples.stable[a[k]]:
-            start = (where[k], a[k], error[k])
-        elif start is not None:
-            result.append(_interval(samples, row, start, (where[k], b[k], error[k])))
-            start = None
-    if start is not None:
-        result.append(_interval(samples, row, start, (samples.cycle[highest], highest, 0.0)))
-    return [i for i in result if i.stop - i.start > floor * i.start]
+def _derivative(coefficients: Array, u: Array) -> Array:
+    """Return the derivatives there."""
+    return _polynomial(coefficients[:-1] * np.arange(len(coefficients) - 1, 0, -1)[:, None], u)
 
 
-def _interval(samples: Samples, row: int, start: tuple[float, int, float], stop: tuple[float, int, float]) -> Interval:
-    """From (cycle, sample beyond the edge, error) of both ends; at the end of the range that sample is unstable."""
-    a, b = start[1], stop[1]
-    passed = _by_class(samples.real[:, a], samples.ended[a])
-    meetings = _by_class(samples.real[:, b] - samples.real[:, a], samples.begun[b] - samples.ended[a])
-    cut = (not samples.stable[a], not samples.stable[b])
-    return Interval(row, float(start[0]), float(stop[0]), passed, meetings, (float(start[2]), float(stop[2])), cut)
+def _sharpen(pattern: Pattern, start: Array, stop: Array, meetings: Array, tolerance: float) -> Array:
+    """Replace edges that rounding blurs, of narrow tongues at +-1, and return the evaluations of each row.
+
+    Inside such a tongue delta^2 - 4 |b|^2 of its pair (:mod:`~gearstab.floquet.boundaries.counting.pairs`) comes
+    without cancellation. It is analytic across the edges, where it vanishes, and so nearly a parabola that a cubic
+    through four points is exact.
+    """
+    blurred = [(end["cut"] == 0) & (end["error"] > BLURRED * tolerance * end["cycle"]) for end in (start, stop)]
+    width = stop["cycle"] - start["cycle"]
+    distance = start["cycle"] / (1 + start["passed"].sum(axis=1))
+    single = (meetings.sum(axis=1) == 1) & (width < NARROW * distance)
+    chosen = np.flatnonzero((blurred[0] | blurred[1]) & single)
+    row, count = start["row"][chosen], len(INSIDE)
+    if len(chosen) == 0:
+        return np.zeros(len(pattern.rows), dtype=np.int64)
+    middle, half = 0.5 * (start["cycle"] + stop["cycle"])[chosen], 0.5 * width[chosen]
+    parts = opened(pattern, np.tile(row, count), (middle + half * INSIDE[:, None]).ravel())
+    kind, each = np.where(meetings[chosen, 2] == 1, COMBINATION, SELF), np.arange(len(chosen))
+    delta, b = (values.reshape(2, count, -1)[kind, :, each] for values in parts)
+    cubic = np.linalg.solve(np.vander(INSIDE), ((delta - 2 * b) * (delta + 2 * b)).T)
+    for end, which, side in ((start, blurred[0][chosen], -1.0), (stop, blurred[1][chosen], 1.0)):
+        u = np.full(len(chosen), side)
+        for _ in range(STEPS):
+            u = u - _polynomial(cubic, u) / _derivative(cubic, u)
+        # Not where a point is stable and u is NaN, nor where a third multiplier bends the parabola.
+        moved = half * np.abs(u - side)
+        good = which & (moved < TRUSTED * half) & (moved <= FARTHEST * end["error"][chosen])
+        end["cycle"][chosen[good]] = (middle + half * u)[good]
+        end["error"][chosen[good]] = SHARP * tolerance * (middle + half * u)[good]
+    return count * np.bincount(row, minlength=len(pattern.rows))
 
 
-def _by_class(real: Array, total: int) -> tuple[int, int, int]:
-    """Collisions at +1, at -1 and elsewhere, each once, from those at +-1 and C."""
-    at_one, at_minus_one = (int(n) for n in real)
-    return at_one, at_minus_one, (int(total) - at_one - at_minus_one) // 2
+def _ends(edges: Array, reach: Array, first: Array, last: Array) -> Array:
+    """The edges and, where a range begins or ends in a region, its ends, by row and place."""
+    fields = [*c_boundaries.EDGE.descr, ("cut", "i8")]
+    ends = np.zeros(len(edges), dtype=fields)
+    for name in c_boundaries.EDGE.names or ():
+        ends[name] = edges[name]
+    row, side = np.nonzero(reach["stable"] == 0)
+    cut = np.zeros(len(row), dtype=fields)
+    cut["row"], cut["cycle"] = row, np.where(side == 0, first[row], last[row])
+    cut["enters"], cut["passed"], cut["cut"] = 1 - side, reach["passed"][row, side], 1
+    return np.insert(ends, np.searchsorted(ends["row"], row + side), cut)
