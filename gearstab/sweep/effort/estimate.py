@@ -201,6 +201,8 @@ def _work(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, float
     share = Clock(clock.left * (FIRST if ranges else 1.0))
     samples, known = _samples(lambda wanted: _sample(plan, layout, share, wanted), prod(layout.chunk), share, known)
     if not samples:
+        if layout.method.bounded:
+            return UNIT * layout.cost * layout.points, 0.0
         return (_of_parts(plan, layout, clock) if ranges else None), 0.0
     inner = plan.inner(layout)
     row = 1 if inner is None else layout.chunk[inner]
