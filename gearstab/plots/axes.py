@@ -27,11 +27,9 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 
-<<<<<<< HEAD
-INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter", "mode", "dof", "point", "multiplier")
-=======
-INNER = ("tongue", "side", "stretch", "piece", "entry", "exponent", "mesh", "parameter", "mode", "dof")
->>>>>>> wG
+INNER = (
+    "tongue", "side", "stretch", "piece", "entry", "exponent", "mesh", "parameter", "mode", "dof", "point", "multiplier",
+)  # fmt: skip
 """Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 
 
