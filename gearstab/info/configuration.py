@@ -23,7 +23,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
     system = build(config.parameters)
     asked = config.methods.perturbation
     # Order 2 knows no periodic terms.
-    theory = asked.order if asked and not system.terms else 1
+    theory = asked.order if asked and not system.general else 1
     order = harmonics or (asked.harmonics if asked else HARMONICS)
     sweep = {axis.name: axis.size for axis in config.axes}
     orders = model_of(config.parameters).cycles_of_input(config.parameters)

@@ -6,13 +6,9 @@ that all entries are of one size. The position of a rigid-body mode deflects not
 damps it, its velocity does not either, and the part of a force that would accelerate it is left out (it acts on the
 train as a whole: elastic modes are orthogonal to it).
 
-<<<<<<< HEAD
-    x' = A(t) x + B f(t),    A(t) = constant + sum_s Omega^s by_speed_s + sum_j f_j(t) parts_j
-=======
     x' = A(t) x + B f(t),    A(t) = constant + sum_j s_j(t) parts_j + sum_k W_k^p_k/(1 - a_k W_k^2) by_speed_k
 
 with speeds of rotation W_k = r_k Omega; those that are held are constant.
->>>>>>> f931ec2 (Rotations: matrices that act with a speed of rotation, from YAML to Floquet)
 """
 
 from __future__ import annotations
@@ -164,12 +160,8 @@ class FirstOrder:
     inlet: ``(r, m, n)``, B, for generalised forces in the system's units.
     outlet: ``(r, n, m)``, q from x; speed: ``(r, n, m)``, dq/dt from x.
     undamped_rigid: ``(r, n, k)``, rigid-body modes that nothing holds back, normalised by the mass matrix.
-<<<<<<< HEAD
-    by_speed: ``(r, S, m, m)``, what is multiplied by Omega, Omega^2, ...; None where nothing goes with the speed.
-=======
     by_speed: ``(r, S, m, m)``, what goes with the speed; laws: ``(r, S, 3)``, how: W/Omega, power and softening of
     :class:`gearstab.rotation.SpeedTerm`. None where nothing does.
->>>>>>> f931ec2 (Rotations: matrices that act with a speed of rotation, from YAML to Floquet)
     """
 
     rows: Array
@@ -220,14 +212,9 @@ class FirstOrder:
         """The part of A ``(..., r, m, m)`` that does not vary at speeds ``(..., r)``."""
         if self.by_speed is None or self.laws is None:
             return self.constant
-<<<<<<< HEAD
-        powers = np.asarray(speed)[..., None] ** np.arange(1, 1 + self.by_speed.shape[1])
-        return np.asarray(self.constant + np.einsum("...rs,rsij->...rij", powers, self.by_speed))
-=======
         ratio, power, softening = np.moveaxis(self.laws, -1, 0)
         factor = factors(ratio * np.asarray(speed)[..., None], power, softening)
         return np.asarray(self.constant + np.einsum("...rs,rsij->...rij", factor, self.by_speed))
->>>>>>> f931ec2 (Rotations: matrices that act with a speed of rotation, from YAML to Floquet)
 
 
 def acted_on(matrices: list[Array]) -> Array:

@@ -19,7 +19,7 @@ from gearstab.methods import METHODS, OptionError
 from gearstab.passage.propagator import growth, motion
 from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import excitation
-from gearstab.propagation.first_order import FirstOrder, bases
+from gearstab.propagation.first_order import bases
 from gearstab.propagation.intervals import SteadyPoints
 from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PhaseEquation
@@ -122,7 +122,6 @@ def test_passage(smooth: bool) -> None:
     assert abs(without - found) > 1e-2
 
 
-<<<<<<< HEAD
 LEFT, RIGHT = np.array([0.1, -0.2, 0.05]), np.array([0.2, 0.3, -0.1])
 
 
@@ -133,14 +132,10 @@ def held(speed: float) -> GearSystem:
 
 
 def turning() -> GearSystem:
-    """The bare system with the toy in proportion to the mesh frequency."""
-    return replace(bare(), rotations=(Rotation(Fraction(1), gyroscopic=SKEW),))
-
-
-def with_speed() -> FirstOrder:
-    (form,) = bases(turning())
-    return form
->>>>>>> f931ec2 (Rotations: matrices that act with a speed of rotation, from YAML to Floquet)
+    """The bare system with the toy in proportion to the mesh frequency, and u v^T to its square."""
+    nothing = np.zeros((3, 3))
+    own = Rotation(Fraction(1), gyroscopic=SKEW, circulatory=nothing, centripetal=np.outer(LEFT, RIGHT))
+    return replace(bare(), rotations=(own,))
 
 
 def test_what_goes_with_the_speed_is_constant_at_a_constant_speed() -> None:
@@ -153,18 +148,9 @@ def test_what_goes_with_the_speed_is_constant_at_a_constant_speed() -> None:
         np.testing.assert_allclose(x, expected, atol=1e-12 * np.abs(expected).max())
 
 
-<<<<<<< HEAD
-def test_floquet_exponents_with_what_goes_with_the_speed(monkeypatch: pytest.MonkeyPatch) -> None:
-    forms, omega = [elastic_forms(system)[0] for system in (bare(), toy(), held())], np.array([OMEGA, 1.9, 2.4])
-    own, form = forms[0], with_speed(*(one.form for one in forms))
-    monkeypatch.setattr(general, "elastic_forms", lambda system: [replace(own, form=form)])
-    found = general.analyse(bare(), omega[None], exponents=True)
-    monkeypatch.undo()
-=======
 def test_floquet_exponents_with_what_goes_with_the_speed() -> None:
     omega = np.array([OMEGA, 1.9, 2.4])
     found = general.analyse(turning(), omega[None], exponents=True)
->>>>>>> f931ec2 (Rotations: matrices that act with a speed of rotation, from YAML to Floquet)
     for k, speed in enumerate(omega):
         expected = general.analyse(held(speed), omega[None, [k]], exponents=True)
         # The same matrices but for rounding, which a period of some thirty radians multiplies.

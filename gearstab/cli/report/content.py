@@ -319,7 +319,7 @@ def _modes(state: State) -> Iterator[Block]:
     modes = natural_modes(state.system)
     ratios, kinds = modal_damping_ratios(state.system, modes), type_names(state.system, modes)
     yield Heading("Natural frequencies of the given design")
-    if state.system.terms:
+    if state.system.general:
         yield Text(
             "They are damped ones, of the whole mean system; types and damping ratios are those of the modes of its "
             "symmetric part that its motions resemble."
