@@ -26,7 +26,8 @@ MOST, NEAREST = 12, 3
 def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
     """Return the regions in the range of the sweep by what they do there, as plain numbers, texts and lists.
 
-    ``refused``: why first-order theory, which they are looked for by, does not apply; None where it does. Without an axis of the mesh frequency all regions count. harmonics: at least so many are looked at.
+    ``refused``: why first-order theory, which they are looked for by, does not apply; None where it does. Without an
+    axis of the mesh frequency all regions count. harmonics: at least so many are looked at.
     """
     from math import inf
 

@@ -28,7 +28,8 @@ Array = np.ndarray
 
 
 INNER = (
-    "tongue", "side", "stretch", "piece", "entry", "exponent", "mesh", "parameter", "mode", "dof", "point", "multiplier",
+    "tongue", "side", "stretch", "piece", "entry", "exponent", "mesh", "parameter", "mode", "dof", "point",
+    "multiplier",
 )  # fmt: skip
 """Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 

@@ -219,3 +219,11 @@ methods: {{floquet: {{}}}}
     (tmp_path / "d.yaml").write_text(text.replace(f'  rotation: {{speed_ratio: "{own["speed_ratio"]}"}}\n', ""))
     with pytest.raises(ConfigError, match="holds gyroscopic, and no speed of rotation"):
         gs.load(tmp_path / "d.yaml")
+
+
+def test_a_matrix_that_is_not_symmetric_is_doubted() -> None:
+    system = BASE | {"stiffness": [[1.0, 0.3], [0.2, 2.0]], "damping": [[0.1, 0.0], [0.0, 0.1]]}
+    (doubt,) = load({"system": system}).doubts
+    assert str(doubt).startswith(
+        "configuration: system.stiffness.0.1: is not symmetric: entry 0.1 is 0.3, entry 1.0 is 0.2"
+    )

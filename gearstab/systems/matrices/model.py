@@ -198,6 +198,16 @@ class Matrices(System):
             check_definite(document, feasibility.numbers_only(grid), cls.build)
 
     @classmethod
+    def doubts(cls, p: dict[str, Any]) -> Iterator[tuple[Path, str, str]]:
+        """Matrices written entry by entry that are not symmetric: bearings are, and so are misprints."""
+        for path in (("stiffness",), ("damping", "matrix")):
+            rows = value_at(p, path)
+            if isinstance(rows, list) and np.any(difference := feasibility.asymmetry(values := matrix(rows))):
+                i, j = (int(k) for k in np.unravel_index(np.argmax(difference), difference.shape))
+                message = f"is not symmetric: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}"
+                yield (*path, i, j), message, "make them equal unless bearings or rotation make them differ"
+
+    @classmethod
     def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
         """Vectors by coordinate, the damping matrix by itself, and units of coordinates that their inertias tell."""
         write_out(document, raw, size)
