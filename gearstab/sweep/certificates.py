@@ -18,7 +18,8 @@ import numpy as np
 
 from gearstab.certificates.equations import Segments, flow
 from gearstab.certificates.segments import segments
-from gearstab.certificates.stored import union_length, unpacked
+from gearstab.certificates.shares import union_length
+from gearstab.certificates.stored import unpacked
 from gearstab.certificates.verifier import Certificate, proves
 from gearstab.config import Config, ConfigError, load, parameters_at
 from gearstab.config.document.yaml import parse

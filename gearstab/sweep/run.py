@@ -38,6 +38,7 @@ class Summary:
     flags: by method, how many points carry each flag of ``status``. complete: whether the result was there already.
     kernels: which ones computed it. proved, counted: shares of the stable mesh frequencies that are proved stable, and
     that are searched by counting only, means of all rows; None without boundaries, or where nothing is stable.
+    certified: share of the mesh frequencies that has certificates, None without any.
     """
 
     points: int
@@ -50,6 +51,7 @@ class Summary:
     kernels: tuple[str, ...] = ()
     proved: float | None = None
     counted: float | None = None
+    certified: float | None = None
 
 
 def run(
@@ -306,4 +308,5 @@ def _summary(finished: Finished, reused: int) -> Summary:
         plan.points, plan.blocks, reused, sum(block.unstable for block in tells) if tells else None,
         sum(block.failed for block in tells), {layout.method.name: finished.flags(layout) for layout in plan.layouts},
         False, tuple(sorted(finished.kernels)), finished.mean("proved_share"), finished.mean("counted_share"),
+        finished.mean("certified_share"),
     )  # fmt: skip

@@ -15,7 +15,7 @@ from gearstab.config import Config
 from gearstab.design.judging import regions
 from gearstab.design.problem import Span
 from gearstab.floquet import solve
-from gearstab.floquet.boundaries import boundaries
+from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
 from gearstab.modal import mean_modes, modal_damping_ratios
@@ -81,7 +81,7 @@ class State:
 
     regions: all that were found in and near the ranges. complete: whether these are all there are. verified: whether
     the remedies are. refuted: remedies of first order that exact search refuted. uncovered: what is neither proved nor
-    counted stable, "" where nothing is.
+    counted stable, "" where nothing is; and what has certificates, where these are asked for.
     """
 
     word: str
@@ -113,7 +113,7 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     searched = within(PATIENCE, lambda: boundaries(system, *near, regions.TOLERANCE, regions.FLOOR))
     if searched is not None:
         own, _ = searched
-        uncovered = own.uncovered()
+        uncovered = ". ".join(filter(None, (own.uncovered(), _certified(config, system, own))))
         real = tuple((float(a), float(b), _label(m)) for a, b, m in zip(own.lower, own.upper, own.members, strict=True))
     else:
         real = tuple((item.lower, item.upper, item.label) for item in rows.values())
@@ -125,6 +125,19 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
         searched is not None, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
         uncovered or "",
     )  # fmt: skip
+
+
+def _certified(config: Config, system: GearSystem, found: Boundaries) -> str:
+    """What of the range has certificates, "" where they are not asked for."""
+    if config.methods.boundaries is None or not config.methods.boundaries.certificate:
+        return ""
+    from gearstab.certificates.covering import certificates
+    from gearstab.certificates.shares import said, union_length
+
+    (pieces,) = certificates(system, *found.limits, [found.edges_of(0)])
+    start, stop = found.limits
+    covered, widest = union_length(np.array([(piece.low, piece.high) for piece in pieces]), start, stop)
+    return said(np.array([covered / (stop - start)]), np.array([widest]))
 
 
 def _touches(lower: float, upper: float, spans: Sequence[Span]) -> bool:

@@ -86,6 +86,9 @@ def command(
     summary = run(wanted, target, jobs, resume is True, resume is False, told, failures, scheduler)
     if not quiet:
         tell(final_line(target, summary, time.perf_counter() - start))
+        if summary.certified is not None:
+            part = remarks.percent(summary.certified)
+            tell(f"certificates: {part} of the mesh frequencies; gearstab verify proves them")
         if basis := remarks.proof(summary.proved, summary.counted):
             tell(basis)
         for note in [] if summary.complete else remarks.notes(planned, summary):
