@@ -51,15 +51,6 @@ class Bundle:
         """``(Q, K, meshes)``."""
         return np.asarray(self.points.excitation.split(self.points.equation.middles[self.q])[0][:, self.points.at])
 
-    def across(self) -> Array:
-        """Return what all of them make of the state together, ``(K, m, m)``."""
-        growth = np.exp(self.eigen.values[self.state] * self.duration[..., None])
-        product: Array = np.eye(growth.shape[-1])[None]
-        for k, state in enumerate(self.state):
-            scaled = self.eigen.vectors[state] * growth[k][:, None, :]
-            product = (scaled @ (self.eigen.inverse[state] @ product)).real
-        return product
-
     def through(self, x: Array) -> tuple[Course, Array]:
         """Return the course that begins with x ``(K, m)``, and the state at its end."""
         drive = self._drive()

@@ -127,7 +127,6 @@ def period_map(points: SteadyPoints) -> tuple[Array, Array]:
     matrix, shift = np.tile(np.eye(m), (count, 1, 1)), np.zeros((count, m))
     for part in bundles(points):
         if isinstance(part, Bundle):
-            matrix = matrix if known is not None else part.across() @ matrix
             shift = part.through(shift)[1]
         else:
             p, push = part.across()
