@@ -138,18 +138,3 @@ def bundles(points: SteadyPoints) -> Iterator[Bundle | Interval]:
     whole = Bundle(points, q, Eigen(*merged), equation.states.of[q, None] * rows + own, begin, length)
     at_once = max(1, ENTRIES // max(1, len(at) * m * (1 + equation.drive.width)))
     yield from (whole.some(slice(i, i + at_once)) for i in range(0, len(q), at_once))
-
-
-def monodromy(points: SteadyPoints) -> Array | None:
-    """M ``(K, m, m)`` by the compiled kernel; None where a state has no eigenvectors."""
-    equation, q = points.equation, points.equation.occupied
-    eigen = equation.states.eigen if equation.drive.exact and equation.form.size else None
-    if eigen is None:
-        return None
-    from gearstab.floquet.kernel.c_kernel import chained
-
-    fractions = np.diff(equation.edges, axis=1)[:, q]
-    values, vectors, inverse = (np.swapaxes(part, 0, 1) for part in (eigen.values, eigen.vectors, eigen.inverse))
-    cycles = equation.drive.cycles
-    cycle = points.period / (2 * np.pi * cycles)
-    return chained(cycles, fractions, equation.states.of[q], values, vectors, inverse, points.at, cycle)
