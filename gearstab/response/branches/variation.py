@@ -29,7 +29,6 @@ def factors(model: Dynamics, track: Track) -> Array:
     made_of = [model.generators(contact) for contact in contacts]
     constant, parts = (np.stack(part)[np.ravel(which)] for part in zip(*made_of, strict=True))
     row, column = np.ix_(elastic(model), elastic(model))
-    m = model.size
     constant, parts = constant[:, row, column], parts[:, :, row, column]
     generators = np.einsum("skj,sjab->skab", track.values, parts)
     generators[:, 0] += constant
