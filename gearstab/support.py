@@ -12,12 +12,14 @@ ANY_LINEAR = frozenset({Feature.PERIODIC_TERMS, Feature.IRRATIONAL_RATIO})
 _MESSAGES = {
     Feature.PERIODIC_TERMS: "supports only periodic mesh stiffness, and this system also has {terms}",
     Feature.UNSYMMETRIC_DAMPING: "needs a symmetric damping matrix, and that of this system is not",
+    Feature.ROTATION: "does not support gyroscopic and other matrices that act with a speed of rotation",
     Feature.IRRATIONAL_RATIO: "mesh frequencies of irrational ratio have no common period",
     Feature.FOLLOWS_ROTATION: "supports only linear systems, and the mesh stiffness of this pair follows its rotation",
 }
 _REMEDIES = {
     Feature.PERIODIC_TERMS: "use floquet, which takes these too",
     Feature.UNSYMMETRIC_DAMPING: "use floquet, which takes it too",
+    Feature.ROTATION: "use floquet, which takes these too",
     Feature.IRRATIONAL_RATIO: "remove it, or give exact ratios",
     Feature.FOLLOWS_ROTATION: "set formulation: classical",
 }

@@ -4,6 +4,8 @@
     K(t) = K0 + sum_i k_i(t) g_i g_i^T + sum_j a_j(t) u_j v_j^T,    k_i(t) = k_gi + k_vi(t)
     C(t) = C + sum_j c_j(t) u_j v_j^T
 
+and, with speeds of rotation W, W G q' + (W H + W^2 K) q besides (:mod:`gearstab.rotation`),
+
 with one direction g_i a tooth mesh and, where something else varies or is not symmetric (friction, a mesh damping that
 follows the mesh stiffness), periodic terms.
 
@@ -24,6 +26,7 @@ from math import gcd, lcm, prod
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.rotation import Rotation
 from gearstab.waveforms import Constant, Fourier, Profile, Rectangular, Waveform
 from gearstab.waveforms.profile import harmonic
 
@@ -38,6 +41,7 @@ class Feature(Enum):
 
     PERIODIC_TERMS = "periodic terms besides the mesh stiffness"
     UNSYMMETRIC_DAMPING = "a damping matrix that is not symmetric"
+    ROTATION = "matrices that act with a speed of rotation"
     IRRATIONAL_RATIO = "mesh frequencies of irrational ratio"
     FOLLOWS_ROTATION = "a mesh stiffness that follows the rotation"
 
@@ -202,6 +206,7 @@ class GearSystem:
     terms: further periodic parts of K(t) and C(t), which need not be symmetric.
     load: ``(..., n)``, the constant part of f(t), or None. Stability does not depend on f(t).
     forces: the periodic parts of f(t).
+    rotations: speeds of rotation, and the gyroscopic, circulatory and centripetal matrices that act with them.
     symmetries: of the mean system, each of another part. They name modes, and modes of different types are taken as
         uncoupled where the mesh stiffnesses of every moment and the damping have them as well, which is looked at.
     units: SI unit of each coordinate, ``m`` or ``rad``; without any all are m. Results and figures say it, nothing
@@ -220,6 +225,7 @@ class GearSystem:
     terms: tuple[PeriodicTerm, ...] = ()
     load: Array | None = None
     forces: tuple[PeriodicForce, ...] = ()
+    rotations: tuple[Rotation, ...] = ()
     units: tuple[str, ...] = ()
     deflection_unit: str = "m"
     dimensionless: tuple[str, ...] = ()
@@ -251,6 +257,7 @@ class GearSystem:
         if self.load is not None:
             shapes.append(np.shape(self.load)[:-1])
         shapes += [term.batch for term in self.terms] + [force.batch for force in self.forces]
+        shapes += [rotation.batch for rotation in self.rotations]
         return np.broadcast_shapes(*shapes)
 
     @cached_property
@@ -284,6 +291,7 @@ class GearSystem:
         present = {
             Feature.PERIODIC_TERMS: bool(self.terms),
             Feature.UNSYMMETRIC_DAMPING: self.damping is not None and not _symmetric(self.damping),
+            Feature.ROTATION: bool(self.rotations),
             Feature.IRRATIONAL_RATIO: not self.commensurate,
         }
         return frozenset(feature for feature, has in present.items() if has)
@@ -291,7 +299,7 @@ class GearSystem:
     @property
     def general(self) -> bool:
         """Whether more than the stiffness of meshes varies, or C is not symmetric: only first-order theory applies."""
-        return bool(self.features & {Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING})
+        return bool(self.features & {Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION})
 
     @property
     def forced(self) -> bool:
@@ -324,6 +332,7 @@ class GearSystem:
             terms=tuple(replace(term, left=vector(term.left), right=vector(term.right)) for term in self.terms),
             load=None if self.load is None else vector(self.load),
             forces=tuple(replace(force, direction=vector(force.direction)) for force in self.forces),
+            rotations=tuple(rotation.mapped(matrix) for rotation in self.rotations),
         )
 
     def projected(self, basis: Array, coordinates: tuple[str, ...] = ()) -> GearSystem:
@@ -359,6 +368,7 @@ class GearSystem:
             terms=tuple(replace(term, left=term.left / unit[..., None]) for term, unit in parts),
             load=None if self.load is None else self.load / stiffness[..., None],
             forces=tuple(replace(force, direction=force.direction / stiffness[..., None]) for force in self.forces),
+            rotations=tuple(rotation.scaled(mass, stiffness) for rotation in self.rotations),
             dimensionless=("mass", "time"),
         )
 

@@ -53,7 +53,7 @@ class Maker:
             if edges[1]:
                 width = min(width, max(TOWARDS * rest, self.floor))
             width = min(width, rest)
-            piece = self.proposal(float(np.exp(at)), float(np.exp(at + width)))
+            piece = self.proposal(max(low, float(np.exp(at))), min(high, float(np.exp(at + width))))
             if piece is not None and proves(self.flow, piece):
                 yield piece
                 at, width, more = at + width, more * width, min(BOLDER * more, LONGER)
@@ -88,15 +88,7 @@ class Maker:
             return Certificate(low, high, outside, _single(np.exp(log_rate)), coordinates)
         if self.form is None:
             return Certificate(low, high, 0, 1.0, coordinates)
-        return Certificate(low, high, 0, 0.0, coordinates, self._separators(values, vectors))
-
-    def _separators(self, values: Array, vectors: Array) -> tuple[float, ...]:
-        """Numbers between the 2 cos(theta) of neighbours of unequal Krein signature."""
-        signature = np.sign(np.einsum("ij,ik,kj->j", vectors.conj(), self.form, vectors).imag)
-        turns = 2 * np.cos(np.angle(values))
-        order = np.argsort(turns)
-        middle, change = 0.5 * (turns[order][1:] + turns[order][:-1]), np.diff(signature[order]) != 0
-        return tuple(_single(value) for value in middle[change])
+        return Certificate(low, high, 0, 0.0, coordinates, _separators(self.form, values, vectors))
 
     def _balanced(self, vectors: Array, pairs: Array) -> Array:
         """Real coordinates of Floquet vectors, of such lengths that what couples two of them is alike both ways."""
@@ -117,6 +109,15 @@ class Maker:
             coupled = (into > 0) & (out > 0)
             length[coupled] = np.sqrt(length[coupled]) * (out[coupled] / into[coupled]) ** 0.125
         return (columns * length[owner]).astype(np.float32).astype(float)
+
+
+def _separators(form: Array, values: Array, vectors: Array) -> tuple[float, ...]:
+    """Numbers between the 2 cos(theta) of neighbours of unequal Krein signature."""
+    signature = np.sign(np.einsum("ij,ik,kj->j", vectors.conj(), form, vectors).imag)
+    turns = 2 * np.cos(np.angle(values))
+    order = np.argsort(turns)
+    middle, change = 0.5 * (turns[order][1:] + turns[order][:-1]), np.diff(signature[order]) != 0
+    return tuple(_single(value) for value in middle[change])
 
 
 def _single(value: float) -> float:

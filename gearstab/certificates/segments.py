@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.certificates.equations import Segments
-from gearstab.linear.schedule import schedule
+from gearstab.propagation.schedule import schedule
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 

@@ -226,7 +226,7 @@ def _unit(m: int) -> arb_mat:
 
 def exact(matrix: Array) -> arb_mat:
     """Doubles as they are."""
-    return arb_mat(*matrix.shape, [arb(value) for value in matrix.ravel().tolist()])
+    return arb_mat(matrix.shape[0], matrix.shape[1], [arb(value) for value in matrix.ravel().tolist()])
 
 
 def near(matrix: arb_mat) -> Array:

@@ -27,6 +27,7 @@ COMMANDS = {
     "respond": ("gearstab.cli.respond:command", "Compute a time response."),
     "design": ("gearstab.cli.design:command", "Find a design without instability."),
     "report": ("gearstab.cli.report.command:command", "Write a report to forward."),
+    "verify": ("gearstab.cli.verify:command", "Prove the certificates of a result again."),
     "bench": ("gearstab.cli.bench:command", "Compare speed and error of the methods."),
     "export": ("gearstab.cli.export:command", "Write a result file as tidy CSV."),
     "schema": ("gearstab.cli.schema:command", "Print the JSON schema of configurations."),

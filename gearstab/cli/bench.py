@@ -54,6 +54,11 @@ def command(
 
     found = measure(scene, points, seconds, lambda text: None if quiet else tell(f"measuring: {text}"))
     say(table(found, points))
+    if loaded.methods.branches is not None:
+        from gearstab.bench.branches import branch_cost
+
+        cycles = loaded.methods.branches.cycles
+        say(branch_cost(build(loaded.parameters), scene.start, scene.stop, cycles=cycles).text(cycles))
     groups = {"modes": modes_group(build(loaded.parameters)), "bench": bench_group(scene, points, found)}
     write_result(target, ResultTree(Group((), root_attributes(BENCH, loaded)), groups))
     if not quiet:

@@ -23,10 +23,12 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
     system = build(config.parameters)
     asked = config.methods.perturbation
     # Order 2 knows no periodic terms.
-    theory = asked.order if asked and not system.terms else 1
+    theory = asked.order if asked and not system.general else 1
     order = harmonics or (asked.harmonics if asked else HARMONICS)
     sweep = {axis.name: axis.size for axis in config.axes}
     orders = model_of(config.parameters).cycles_of_input(config.parameters)
+    dangerous = danger.facts(config, system, order)
+    nothing: dict[str, Any] = {"tongues": [], "existence_rule": None}
     return {
         "title": config.title,
         "kind": config.kind,
@@ -48,8 +50,8 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "design": None if config.design is None else _design(config.design),
         "order": theory,
         "harmonics": order,
-        "dangerous": danger.facts(config, system, order),
-        **_existence(system, _tongues(system, theory, order)),
+        "dangerous": dangerous,
+        **(nothing if dangerous["refused"] else _existence(system, _tongues(system, theory, order))),
     }
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gearstab.info.tables import table
 from gearstab.perturbation.tongues import SELF_EXCITED
+from gearstab.support import ANY_LINEAR, unsupported
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -25,7 +26,8 @@ MOST, NEAREST = 12, 3
 def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
     """Return the regions in the range of the sweep by what they do there, as plain numbers, texts and lists.
 
-    Without an axis of the mesh frequency all regions count. harmonics: at least so many are looked at.
+    ``refused``: why first-order theory, which they are looked for by, does not apply; None where it does. Without an
+    axis of the mesh frequency all regions count. harmonics: at least so many are looked at.
     """
     from math import inf
 
@@ -39,13 +41,15 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
         unit = axis.typed_units or unit
         teeth = axis.mesh_frequency.factor
         scale = teeth * (scale_of(axis.typed_units, axis.units) if axis.typed_units else 1.0)
+    refused = unsupported(system, ANY_LINEAR)
     return {
         "axis": "mesh frequency" if axis is None else axis.long_name,
         "unit": unit,
         "range": None if axis is None else [low / scale, high / scale],
         "scale": scale,
         "teeth": teeth,
-        **judged(config, system, low, high, harmonics),
+        "refused": refused and refused[0],
+        **({"unstable_share": None} if refused else judged(config, system, low, high, harmonics)),
     }
 
 
@@ -310,6 +314,8 @@ def text(found: dict[str, Any], unstable: bool = False) -> str:
     unit, scale = found["unit"], found["scale"]
     within = "" if found["range"] is None else " from {:.6g} to {:.6g}".format(*found["range"])
     where = f"{found['axis']}{within} {unit}".strip()
+    if found["refused"]:
+        return f"Dangerous speeds: {where}: not listed, as first-order theory {found['refused']}; sweep floquet."
     lines = [f"Dangerous speeds: {where} ({_how(found)})", ""]
     if unstable:
         lines.append("The mean system grows by itself, see above: remedies of parametric instability are not tried.")

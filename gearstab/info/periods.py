@@ -18,7 +18,7 @@ def common_period(system: GearSystem) -> dict[str, Any] | None:
     if period is None:
         return None
     segments, states = (period.segments if system.piecewise_constant else None), None
-    if segments is not None and segments <= choice.AFFORDABLE and not system.terms:
+    if segments is not None and segments <= choice.AFFORDABLE and not system.general:
         (pattern,) = prepare(system)
         segments, states = len(pattern.states), pattern.stiffness.shape[1]
     return {

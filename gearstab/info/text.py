@@ -22,7 +22,9 @@ def report(facts: dict[str, Any], every: bool = False) -> str:
     parts = [_heading, *((_train,) if facts["train"] else ()), _mesh_table, _mode_table, _reduction_text]
     texts = [part(facts) for part in parts]
     texts.append(danger.text(facts["dangerous"], facts["mean_system"]["unstable"]))
-    return "\n\n".join([*texts, _tongue_table(facts, every)])
+    if not facts["dangerous"]["refused"]:
+        texts.append(_tongue_table(facts, every))
+    return "\n\n".join(texts)
 
 
 def heading(name: str, unit: str) -> str:

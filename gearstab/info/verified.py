@@ -79,7 +79,7 @@ def window(system: GearSystem, tongue: Tongue, half_width: float) -> tuple[float
     center = float(total) / tongue.frequency_ratio
     epsilon = max(float(mesh.epsilon) for mesh in system.meshes)
     moved = 0.25 * epsilon**2 * center + 2 * half_width
-    if system.terms:
+    if system.general:
         whole = mean_motions(system).frequency_by_mode[0, modes]
         moved += float(np.abs(whole - natural).sum()) / tongue.frequency_ratio
     moved = min(moved, MOST_SHIFT * center)

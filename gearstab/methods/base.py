@@ -69,6 +69,7 @@ class Method(ABC):
         the mesh frequency. A method with RANGE gets it as an array of the two ends.
     cheap: whether it runs before the others. fewest: the least number of points of its own in a block.
     singly: whether it runs on one system at a time, with all its mesh frequencies, as it goes from one to the next.
+    bounded: whether its cost is that of the most it does, so that it counts where not even a sample is done in time.
     reused: whether ``sweep --extend`` takes over what an earlier result has: points, or rows where it runs singly.
     relief: what to do where it takes very long.
     flag_notes: what is said at the end of a sweep of ``{points}`` that carry a flag of ``status``, by flag.
@@ -80,6 +81,7 @@ class Method(ABC):
     frequency: ClassVar[str | None] = POINTS
     cheap: ClassVar[bool] = False
     singly: ClassVar[bool] = False
+    bounded: ClassVar[bool] = False
     reused: ClassVar[bool] = False
     relief: ClassVar[str] = ""
     flag_notes: ClassVar[Mapping[str, str]] = {}

@@ -5,17 +5,25 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pydantic import Field
 
-from gearstab.methods.base import RANGE, Key, Outcome, Tolerance, TongueMethod, WidthFloor
+from gearstab.config.model.fields import Flag
+from gearstab.methods.base import RANGE, Key, OptionError, Outcome, Tolerance, TongueMethod, WidthFloor
 from gearstab.methods.restriction import ModesOption, Restricted
-from gearstab.results.variables import EXACT, OCCURRENCE, TONGUE, Variable, flagged
+from gearstab.results.variables import CERTIFICATES, EXACT, OCCURRENCE, TONGUE, Variable, flagged
 from gearstab.system import Array, Feature
 
 if TYPE_CHECKING:
+    from gearstab.floquet.boundaries import Boundaries
     from gearstab.perturbation.tongues import Tongue
+
+
+CERTIFICATE = 40.0
+"""Cost of certificates, in that of the boundaries."""
 
 
 class BoundariesOptions(ModesOption):
@@ -28,6 +36,11 @@ class BoundariesOptions(ModesOption):
         default=1e-6,
         title="width floor",
         description="Regions narrower than this, relative to the mesh frequency, may be left out (1).",
+    )
+    certificate: Flag = Field(
+        default=False,
+        title="certificates",
+        description="Store what proves stability and instability, piece by piece, for `gearstab verify`.",
     )
 
 
@@ -47,7 +60,16 @@ class BoundaryAnalysis(TongueMethod, Restricted):
     def variables(self) -> tuple[Variable, ...]:
         from gearstab.floquet.boundaries import BOUNDARY_FLAGS
 
-        return (*TONGUE, OCCURRENCE, *flagged(EXACT, BOUNDARY_FLAGS))
+        more = CERTIFICATES if self.options.certificate else ()
+        return (*TONGUE, OCCURRENCE, *flagged(EXACT, BOUNDARY_FLAGS), *more)
+
+    def constants(self) -> Mapping[str, Any]:
+        if not self.options.certificate:
+            return super().constants()
+        from gearstab.certificates.covering import states
+        from gearstab.certificates.stored import entries
+
+        return {**super().constants(), "entry": entries(states(self.system))}
 
     def run(self, mesh_frequency: Array) -> Outcome:
         from gearstab.floquet.boundaries import boundaries
@@ -62,9 +84,30 @@ class BoundaryAnalysis(TongueMethod, Restricted):
             "proved_frequency": found.stretches(found.proved),
             "sampled_step": found.sampled_step, "coarse": found.coarse,
         }  # fmt: skip
+        if self.options.certificate:
+            values |= self._certified(found)
         if self.options.modes is None:
             return Outcome(values, edges.index)
         return Outcome(values, tuple((_named(tongue, self.options.modes), k) for tongue, k in edges.index))
+
+    def _certified(self, found: Boundaries) -> dict[str, Array]:
+        """The variables of certificates."""
+        from gearstab.certificates.covering import certificates, states
+        from gearstab.certificates.stored import packed, union_length
+
+        m, (start, stop) = states(self.system), found.limits
+        edges = [found.edges_of(row) for row in range(found.rows)]
+        rows = [packed(pieces, m) for pieces in certificates(self.system, start, stop, edges)]
+        most = max(len(ends) for ends, _ in rows)
+        frequency = np.full((most, 2, found.rows), np.nan)
+        numbers = np.full((most, found.rows, rows[0][1].shape[1]), np.nan)
+        for row, (ends, own) in enumerate(rows):
+            frequency[: len(ends), :, row], numbers[: len(ends), row] = ends, own
+        covered = np.array([union_length(ends, start, stop) for ends, _ in rows])
+        return {
+            "certificate_frequency": frequency, "certificate": numbers,
+            "certified_share": covered[:, 0] / (stop - start), "uncertified_width": covered[:, 1],
+        }  # fmt: skip
 
     @staticmethod
     def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
@@ -74,6 +117,19 @@ class BoundaryAnalysis(TongueMethod, Restricted):
 
     def check_options(self) -> None:
         self.check_modes()
+        if self.options.certificate:
+            self._check_certificate()
+
+    def _check_certificate(self) -> None:
+        if find_spec("flint") is None:
+            message, remedy = "needs python-flint", "install it: pip install 'gearstab[verify]'"
+        elif self.options.modes is not None:
+            message, remedy = "is about the whole system, not about some of its modes", "remove modes"
+        elif not self.system.piecewise_constant:
+            message, remedy = "needs a system that is constant between jumps", "take rectangular waves, or remove it"
+        else:
+            return
+        raise OptionError(("certificate",), message, remedy)
 
     def report(self) -> Mapping[str, Any]:
         """Return what of the system was solved."""
@@ -84,7 +140,8 @@ class BoundaryAnalysis(TongueMethod, Restricted):
         return "over which boundaries are sought"
 
     def cost(self) -> float:
-        return 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.part.size**3 / 108)
+        search = 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.part.size**3 / 108)
+        return CERTIFICATE * search if self.options.certificate else search
 
 
 def _named(tongue: Tongue, modes: Sequence[int]) -> Tongue:

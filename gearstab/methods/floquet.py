@@ -93,7 +93,7 @@ class Floquet(Restricted):
     name = "floquet"
     reused = True
     Options = FloquetOptions
-    supports = ANY_LINEAR | {Feature.UNSYMMETRIC_DAMPING}
+    supports = ANY_LINEAR | {Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION}
     flag_notes: ClassVar[Mapping[str, str]] = {
         "not_converged": "the error estimate exceeds the tolerance at {points}; see error_estimate",
         "undecided": "the stability is undecided at {points}: the confidence interval contains zero",

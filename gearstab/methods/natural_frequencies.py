@@ -33,7 +33,7 @@ class NaturalFrequencies(Method):
         return ROWS
 
     def variables(self) -> tuple[Variable, ...]:
-        return NATURAL_FREQUENCIES_WITH_TERMS if self.system.terms else NATURAL_FREQUENCIES
+        return NATURAL_FREQUENCIES_WITH_TERMS if self.system.general else NATURAL_FREQUENCIES
 
     def constants(self) -> Mapping[str, Any]:
         from gearstab.results.provenance import coordinate_names

@@ -59,7 +59,7 @@ class SteadyStateAnalysis(Method):
     name = "response"
     reused = True
     Options = ResponseOptions
-    supports = frozenset({Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING})
+    supports = frozenset({Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION})
     flag_notes: ClassVar[Mapping[str, str]] = {
         **FLAG_NOTES,
         "unstable": "the steady state is unstable at {points}: it is not what would be seen",

@@ -53,7 +53,7 @@ class Chunk:
 
 
 @dataclass(frozen=True)
-class Motion:
+class FreeMotion:
     """The free motion of one row of a system along any path, exactly from edge to edge of what varies."""
 
     equation: PhaseEquation
@@ -125,22 +125,22 @@ class Motion:
         return phase, found
 
 
-def motions(system: GearSystem) -> list[Motion]:
+def motions(system: GearSystem) -> list[FreeMotion]:
     """Return the motions of all rows of the flattened batch."""
     drive = excitation(system.undriven())
-    found: dict[int, Motion] = {}
+    found: dict[int, FreeMotion] = {}
     for form in bases(system):
         for k, row in enumerate(form.rows):
-            found[int(row)] = Motion(PhaseEquation(form.subset(np.array([k])), drive.subset(np.array([row]))))
+            found[int(row)] = FreeMotion(PhaseEquation(form.subset(np.array([k])), drive.subset(np.array([row]))))
     return [found[row] for row in sorted(found)]
 
 
-def motion(system: GearSystem) -> Motion:
+def motion(system: GearSystem) -> FreeMotion:
     """Return the motion of a single system."""
     return motions(system)[0]
 
 
-def swing(motion: Motion) -> float:
+def swing(motion: FreeMotion) -> float:
     """Return by how many e-folds the energy norm changes with the mesh stiffness: 1/2 ln of the largest ratio.
 
     Of the eigenvalues of the stiffness matrices of all moments, relative to that of the mean mesh stiffness.
@@ -169,7 +169,7 @@ class Growth:
     through: float
 
 
-def growth(motion: Motion, path: Path) -> Growth:
+def growth(motion: FreeMotion, path: Path) -> Growth:
     """Find the largest growth between two moments: of some hundred evenly spread ones, then of all around the best."""
     count = motion.count(path)
     step = max(1, ceil(count / MOMENTS))

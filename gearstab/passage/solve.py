@@ -20,7 +20,7 @@ import numpy as np
 from gearstab.floquet.boundaries import boundaries, union
 from gearstab.passage import STATUS_FLAGS
 from gearstab.passage.adiabatic import Gains, GrowthOverSpeed, gains, growth_over_speed
-from gearstab.passage.propagator import MOST, Motion, growth, motions, swing
+from gearstab.passage.propagator import MOST, FreeMotion, growth, motions, swing
 from gearstab.perturbation.tongues import Tongue
 from gearstab.propagation.path import Path
 from gearstab.system import Array, GearSystem
@@ -94,7 +94,7 @@ def passage(
     return values, index
 
 
-def _slowest(motion: Motion, ramp: Path, amplification: float, start: float) -> float:
+def _slowest(motion: FreeMotion, ramp: Path, amplification: float, start: float) -> float:
     """Return the rate at which the exact motion gains the amplification and no more, over that of a ramp.
 
     Between the best two moments of slower ramps it gains more. As regions of the same modes interfere, growth is no

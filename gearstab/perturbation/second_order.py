@@ -75,7 +75,7 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
     Source: the method is the elimination known as Lyapunov-Schmidt reduction; the terms of first order are those of
     :func:`first_order`.
     """
-    if system.terms:
+    if system.general:
         raise ValueError("periodic terms beside the mesh stiffness are not supported here")
     more = products(system, harmonics)
     first = first_order(system, harmonics, modes, more)

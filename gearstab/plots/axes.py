@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 
-INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter", "mode", "dof", "point", "multiplier")
+INNER = (
+    "tongue", "side", "stretch", "piece", "entry", "exponent", "mesh", "parameter", "mode", "dof", "point",
+    "multiplier",
+)  # fmt: skip
 """Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 
 
@@ -35,7 +38,7 @@ BESIDE = ("modes", "teeth", "bench", "design")
 """Groups that do not stand over the axes of a sweep; every other one is that of a method, or a response."""
 
 
-LISTS = ("tongue", "stretch", "event", "cycle")
+LISTS = ("tongue", "stretch", "piece", "event", "cycle")
 """Dimensions of what was found, perhaps nothing: no region, no event. Every other one has a value at least."""
 
 

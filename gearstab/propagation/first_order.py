@@ -6,7 +6,9 @@ that all entries are of one size. The position of a rigid-body mode deflects not
 damps it, its velocity does not either, and the part of a force that would accelerate it is left out (it acts on the
 train as a whole: elastic modes are orthogonal to it).
 
-    x' = A(t) x + B f(t),    A(t) = constant + sum_s Omega^s by_speed_s + sum_j f_j(t) parts_j
+    x' = A(t) x + B f(t),    A(t) = constant + sum_j s_j(t) parts_j + sum_k W_k^p_k/(1 - a_k W_k^2) by_speed_k
+
+with speeds of rotation W_k = r_k Omega; those that are held are constant.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import numpy as np
 
 from gearstab.grouping import equal_rows
 from gearstab.modal import mean_modes
+from gearstab.rotation import SpeedTerm, factors
 from gearstab.system import Array, GearSystem
 
 UNDAMPED = 1e-11
@@ -34,6 +37,7 @@ class ModalMatrices:
     rigid: ``(r, n)`` bool, rigid-body modes that no mesh feels.
     static, damping: ``(r, n, n)``, Phi^T K0 Phi and Phi^T C Phi.
     parts: what varies, of the meshes, then of the terms' profiles: (whether it acts on velocities, ``(r, n, n)``).
+    turning: what acts with a speed of rotation, all arrays with a row for each.
     """
 
     shapes: Array
@@ -43,6 +47,7 @@ class ModalMatrices:
     static: Array
     damping: Array
     parts: list[tuple[bool, Array]]
+    turning: list[SpeedTerm]
 
     @classmethod
     def of(cls, system: GearSystem) -> ModalMatrices:
@@ -61,23 +66,41 @@ class ModalMatrices:
             kinds = [on for on, profile in enumerate((term.stiffness, term.damping)) if profile is not None]
             parts += [(bool(on), u[:, :, None] * v[:, None, :]) for on in kinds]
         static = back @ system.flat(system.stiffness, 2) @ shapes
-        return cls(shapes, squared, rate, rigid, static, damping, parts)
+        turning = [
+            replace(
+                term,
+                matrix=back @ system.flat(term.matrix, 2) @ shapes,
+                speed=system.flat(term.speed),
+                softening=system.flat(term.softening),
+            )
+            for rotation in system.rotations
+            for term in rotation.terms()
+        ]
+        felt = [term.matrix for term in turning if not term.on_velocity]
+        rigid = rigid & ~acted_on(felt) if felt else rigid
+        return cls(shapes, squared, rate, rigid, static, damping, parts, turning)
 
     def subset(self, index: Array) -> ModalMatrices:
         """Some of the rows, by position."""
         parts = [(on_velocity, matrix[index]) for on_velocity, matrix in self.parts]
         own = {name: getattr(self, name)[index] for name in ("shapes", "squared", "rate", "rigid", "static", "damping")}
-        return replace(self, parts=parts, **own)
+        turning = [
+            replace(term, matrix=term.matrix[index], speed=term.speed[index], softening=term.softening[index])
+            for term in self.turning
+        ]
+        return replace(self, parts=parts, turning=turning, **own)
 
     def dissipative(self) -> list[Array]:
-        """Matrices that act on velocities: the damping, then the parts that vary, each ``(r, n, n)``."""
-        return [self.damping, *(matrix for on_velocity, matrix in self.parts if on_velocity)]
+        """Matrices that act on velocities: the damping, then what varies or goes with a speed, each ``(r, n, n)``."""
+        turning = (term.matrix for term in self.turning if term.on_velocity)
+        return [self.damping, *(matrix for on_velocity, matrix in self.parts if on_velocity), *turning]
 
     def turned(self, turn: Array) -> ModalMatrices:
         """The same in other modes, Phi T with T ``(n, n)`` orthogonal, which leaves elastic modes as they are."""
         own = {name: turn.T @ getattr(self, name) @ turn for name in ("static", "damping")}
         parts = [(on_velocity, turn.T @ matrix @ turn) for on_velocity, matrix in self.parts]
-        return replace(self, shapes=self.shapes @ turn, parts=parts, **own)
+        turning = [replace(term, matrix=turn.T @ term.matrix @ turn) for term in self.turning]
+        return replace(self, shapes=self.shapes @ turn, parts=parts, turning=turning, **own)
 
     @property
     def weight(self) -> Array:
@@ -105,6 +128,11 @@ class ModalMatrices:
 
         constant = placed(False, self.static) + placed(True, self.damping)
         constant[:, np.arange(n), n + np.arange(n)] = weight
+        following = [term for term in self.turning if not term.held]
+        for term in self.turning:
+            if term.held:
+                factor = factors(np.asarray(term.speed), np.asarray(term.power), np.asarray(term.softening))
+                constant += factor[:, None, None] * placed(term.on_velocity, term.matrix)
         inlet, outlet = np.zeros((len(rows), m, shapes.shape[1])), np.zeros((len(rows), shapes.shape[1], m))
         speed = np.zeros_like(outlet)
         inlet[:, n:] = np.swapaxes(shapes[:, :, moving], -1, -2) / rate**2
@@ -112,7 +140,14 @@ class ModalMatrices:
         speed[:, :, n:] = shapes[:, :, moving] * rate
         still = np.setdiff1d(np.arange(shapes.shape[-1]), moving)
         parts = np.stack([placed(*part) for part in self.parts], axis=1)
-        return FirstOrder(rows, self.rate, constant, parts, inlet, outlet, speed, shapes[:, :, still])
+        found = FirstOrder(rows, self.rate, constant, parts, inlet, outlet, speed, shapes[:, :, still])
+        if not following:
+            return found
+        by_speed = np.stack([placed(term.on_velocity, term.matrix) for term in following], axis=1)
+        laws = [
+            np.stack(np.broadcast_arrays(term.speed_ratio, term.power, term.softening), axis=-1) for term in following
+        ]
+        return replace(found, by_speed=by_speed, laws=np.stack(laws, axis=1))
 
 
 @dataclass(frozen=True)
@@ -125,7 +160,8 @@ class FirstOrder:
     inlet: ``(r, m, n)``, B, for generalised forces in the system's units.
     outlet: ``(r, n, m)``, q from x; speed: ``(r, n, m)``, dq/dt from x.
     undamped_rigid: ``(r, n, k)``, rigid-body modes that nothing holds back, normalised by the mass matrix.
-    by_speed: ``(r, S, m, m)``, what is multiplied by Omega, Omega^2, ...; None where nothing goes with the speed.
+    by_speed: ``(r, S, m, m)``, what goes with the speed; laws: ``(r, S, 3)``, how: W/Omega, power and softening of
+    :class:`gearstab.rotation.SpeedTerm`. None where nothing does.
     """
 
     rows: Array
@@ -137,6 +173,7 @@ class FirstOrder:
     speed: Array
     undamped_rigid: Array
     by_speed: Array | None = None
+    laws: Array | None = None
 
     def subset(self, index: Array) -> FirstOrder:
         """Some of the rows, by position."""
@@ -145,7 +182,7 @@ class FirstOrder:
     def at_speeds(self, at: Array, speed: Array) -> FirstOrder:
         """Return a row for each of the speeds ``(K,)`` that rows ``at`` (K,) have, with what goes with it in A."""
         own = self.subset(at)
-        return own if own.by_speed is None else replace(own, constant=own._static(speed), by_speed=None)
+        return own if own.by_speed is None else replace(own, constant=own._static(speed), by_speed=None, laws=None)
 
     @property
     def size(self) -> int:
@@ -173,10 +210,11 @@ class FirstOrder:
 
     def _static(self, speed: Array | float) -> Array:
         """The part of A ``(..., r, m, m)`` that does not vary at speeds ``(..., r)``."""
-        if self.by_speed is None:
+        if self.by_speed is None or self.laws is None:
             return self.constant
-        powers = np.asarray(speed)[..., None] ** np.arange(1, 1 + self.by_speed.shape[1])
-        return np.asarray(self.constant + np.einsum("...rs,rsij->...rij", powers, self.by_speed))
+        ratio, power, softening = np.moveaxis(self.laws, -1, 0)
+        factor = factors(ratio * np.asarray(speed)[..., None], power, softening)
+        return np.asarray(self.constant + np.einsum("...rs,rsij->...rij", factor, self.by_speed))
 
 
 def acted_on(matrices: list[Array]) -> Array:

@@ -77,6 +77,14 @@ class Functions:
         at = self.flat(source.profile.breakpoints() + source.lag[..., None], 1)
         return np.asarray((at[:, :, None] + np.arange(source.cycles)) / source.cycles).reshape(self.rows, -1)
 
+    def jumps_until(self, index: int, end: float) -> Array:
+        """``(rows, X)``: those of a function from 0 to ``end``, where there is no common period, and some beyond."""
+        source = self.found[index]
+        at = self.flat(source.profile.breakpoints() + source.lag[..., None], 1)
+        low, high = at.min(initial=np.inf), at.max(initial=-np.inf)
+        turns = np.arange(np.floor(-high), np.ceil(source.cycles * end - low) + 1) if at.size else np.zeros(0)
+        return np.asarray((at[:, :, None] + turns) / source.cycles).reshape(self.rows, -1)
+
     def varies(self, index: int) -> Array:
         """``(rows,)``: whether a function has any variation."""
         return np.asarray(self._rows[1][index] != 0)

@@ -68,7 +68,7 @@ def root_attributes(command: str, config: Origin) -> dict[str, Any]:
 def modes_group(system: GearSystem) -> Group:
     """The group ``/modes`` of a single system."""
     modes = natural_modes(system)
-    table: tuple[Variable, ...] = MODES_WITH_TERMS if system.terms else MODES
+    table: tuple[Variable, ...] = MODES_WITH_TERMS if system.general else MODES
     values = {
         "mode": np.arange(1, system.size + 1),
         "dof": coordinate_names(system),
@@ -81,7 +81,7 @@ def modes_group(system: GearSystem) -> Group:
     }
     if system.symmetries:
         table, values = (*table, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
-    part = "symmetric mean system, with the frequencies of the whole one," if system.terms else "mean system"
+    part = "symmetric mean system, with the frequencies of the whole one," if system.general else "mean system"
     said = {
         "comment": f"modes of the {part} at the base values of the configuration",
         RATIOS: [float(mesh.frequency_ratio) for mesh in system.meshes],
@@ -92,7 +92,7 @@ def modes_group(system: GearSystem) -> Group:
 def mode_frequencies(system: GearSystem, modes: Modes) -> dict[str, Array]:
     """Return the frequencies of a table of modes by name: with terms both damped ones and those of the shapes."""
     own = modes.natural_frequency
-    if not system.terms:
+    if not system.general:
         return {"natural_frequency": own}
     damped = mean_motions(system).frequency_by_mode.reshape(*system.batch, system.size)
     return {"natural_frequency": damped, "symmetric_frequency": own}

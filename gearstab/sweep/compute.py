@@ -10,7 +10,7 @@ import numpy as np
 from gearstab.config import alike, parameters_at
 from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
 from gearstab.results.chunks import encode
-from gearstab.results.variables import GRID, ROWS, STRETCH, Variable
+from gearstab.results.variables import GRID, ROWS, Variable
 from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.sampled import run_sampled
 from gearstab.sweep.storage.parts import FinishedBlock, places_of
@@ -154,7 +154,7 @@ def joined(
     values = {}
     for variable in layout.method.results:
         listed = len(tongues) if "tongue" in variable.dims else None
-        if STRETCH in variable.dims:
+        if variable.of_parts:
             # One at least: xarray has its difficulties with dimensions of no length.
             listed = max(1, *(len(outcome.values[variable.name]) for _, outcome in outcomes))
         over = (() if listed is None else (listed,)) + (2,) * ("side" in variable.dims)
@@ -163,7 +163,7 @@ def joined(
         for members, outcome in outcomes:
             part = outcome.values[variable.name]
             index = np.array([place[tongue] for tongue in outcome.tongues], dtype=int)
-            index = np.arange(len(part)) if STRETCH in variable.dims else index
+            index = np.arange(len(part)) if variable.of_parts else index
             if variable.index_of == "tongue":
                 part = moved(part, index)
             where = [*([index, *(np.arange(n) for n in over[1:])] if over else []), members, *map(np.arange, rest)]

@@ -161,26 +161,24 @@ def _place(document: Document, grid: Grid, index: str | int, key: str, chosen: d
     return ("system", "meshes", index, key)
 
 
-def check_symmetric(document: Document, parameters: dict[str, Any], others: Sequence[tuple[str, ...]] = ()) -> bool:
-    """Report a damping matrix that is not symmetric, and others below ``system``; return whether the others are."""
+def check_symmetric(
+    document: Document, parameters: dict[str, Any], places: Sequence[tuple[str, ...]] = (("damping", "matrix"),)
+) -> bool:
+    """Report matrices below ``system`` that are not symmetric; return whether all are."""
     good = True
-    for where in (*others, ("damping", "matrix")):
+    for where in places:
         found = value_at(parameters, where)
         if found is None:
             continue
-        name, values = where[0], matrix(found)
+        values = matrix(found)
         difference = asymmetry(values)
-        # Stiffness and damping of a file may be of any symmetry.
-        if np.any(difference) and (name == "mass" or document.get(("system", name)) is not None):
-            good = good and name == "damping"
+        if np.any(difference):
+            good = False
             i, j = np.unravel_index(np.argmax(difference), difference.shape)
             path: Path = ("system", *where, int(i), int(j))
             message = f"is not symmetric: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}"
             full = ".".join(where)
-            remedy = f"make {full}.{i}.{j} and {full}.{j}.{i} equal"
-            if others and name != "mass":
-                remedy += ", and give the rest as terms"
-            report_matrix(document, path, name, message, remedy)
+            report_matrix(document, path, where[0], message, f"make {full}.{i}.{j} and {full}.{j}.{i} equal")
     return good
 
 

@@ -15,18 +15,18 @@ from driven import integrated, integrated_along, train
 
 from gearstab.floquet import solve
 from gearstab.floquet.general import solve as general
-from gearstab.floquet.general.coordinates import elastic_forms
 from gearstab.methods import METHODS, OptionError
 from gearstab.passage.propagator import growth, motion
 from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import excitation
-from gearstab.propagation.first_order import FirstOrder, bases
+from gearstab.propagation.first_order import bases
 from gearstab.propagation.intervals import SteadyPoints
 from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PhaseEquation
 from gearstab.response import driven_response, ramp_response, steady_state
 from gearstab.response.linear.equilibrium import static_equilibrium
 from gearstab.response.linear.steady import start
+from gearstab.rotation import Rotation
 from gearstab.support import unsupported
 from gearstab.system import Feature, GearSystem, PeriodicTerm
 from gearstab.waveforms import Constant, Fourier, Trapezoidal
@@ -125,21 +125,22 @@ def test_passage(smooth: bool) -> None:
 LEFT, RIGHT = np.array([0.1, -0.2, 0.05]), np.array([0.2, 0.3, -0.1])
 
 
-def held(speed: float | None = None) -> GearSystem:
-    """The bare system with a term u v^T on positions, or at a speed with Omega times the toy and Omega^2 times that."""
-    system, size = bare(), 1.0 if speed is None else speed**2
-    term = PeriodicTerm("hold", LEFT, RIGHT, stiffness=Constant(size))
-    return replace(system, damping=system.damping + (speed or 0.0) * SKEW, terms=(term,))
+def held(speed: float) -> GearSystem:
+    """The bare system with Omega times the toy and Omega^2 u v^T, at one speed."""
+    term = PeriodicTerm("hold", LEFT, RIGHT, stiffness=Constant(speed**2))
+    return replace(bare(), damping=bare().damping + speed * SKEW, terms=(term,))
 
 
-def with_speed(own: FirstOrder, added: FirstOrder, held: FirstOrder) -> FirstOrder:
-    """A form in which the toy goes with Omega, and what holds positions with Omega^2."""
-    return replace(own, by_speed=np.stack([added.constant - own.constant, held.parts[:, -1]], axis=1))
+def turning() -> GearSystem:
+    """The bare system with the toy in proportion to the mesh frequency, and u v^T to its square."""
+    nothing = np.zeros((3, 3))
+    own = Rotation(Fraction(1), gyroscopic=SKEW, circulatory=nothing, centripetal=np.outer(LEFT, RIGHT))
+    return replace(bare(), rotations=(own,))
 
 
 def test_what_goes_with_the_speed_is_constant_at_a_constant_speed() -> None:
     at, omega = np.zeros(2, dtype=int), np.array([OMEGA, 1.9])
-    form = with_speed(*(next(bases(system)) for system in (bare(), toy(), held())))
+    (form,) = bases(turning())
     found = start(SteadyPoints.of(Equation(form, excitation(bare())), at, omega)).x
     for speed, x in zip(omega, found, strict=True):
         equation = Equation(next(bases(held(speed))), excitation(held(speed)))
@@ -147,12 +148,9 @@ def test_what_goes_with_the_speed_is_constant_at_a_constant_speed() -> None:
         np.testing.assert_allclose(x, expected, atol=1e-12 * np.abs(expected).max())
 
 
-def test_floquet_exponents_with_what_goes_with_the_speed(monkeypatch: pytest.MonkeyPatch) -> None:
-    forms, omega = [elastic_forms(system)[0] for system in (bare(), toy(), held())], np.array([OMEGA, 1.9, 2.4])
-    own, form = forms[0], with_speed(*(one.form for one in forms))
-    monkeypatch.setattr(general, "elastic_forms", lambda system: [replace(own, form=form)])
-    found = general.analyse(bare(), omega[None], exponents=True)
-    monkeypatch.undo()
+def test_floquet_exponents_with_what_goes_with_the_speed() -> None:
+    omega = np.array([OMEGA, 1.9, 2.4])
+    found = general.analyse(turning(), omega[None], exponents=True)
     for k, speed in enumerate(omega):
         expected = general.analyse(held(speed), omega[None, [k]], exponents=True)
         # The same matrices but for rounding, which a period of some thirty radians multiplies.
@@ -161,11 +159,11 @@ def test_floquet_exponents_with_what_goes_with_the_speed(monkeypatch: pytest.Mon
 
 
 def test_what_goes_with_the_speed_changes_along_a_path() -> None:
-    form = with_speed(*(next(bases(system)) for system in (bare(), toy(), held())))
+    (form,) = bases(turning())
     time = np.linspace(0.0, PATH.time[-1], 30)
     begin = np.array([0.1, -0.2, 0.3, 0.2, 0.1, -0.1])
     x = PhaseEquation(form, excitation(bare())).follow(PATH, time, form.state(begin[:3], begin[3:], bare().mass))
-    expected = integrated_along(bare(), PATH, time, begin, (SKEW, np.outer(LEFT, RIGHT)))
+    expected = integrated_along(turning(), PATH, time, begin)
     np.testing.assert_allclose(np.hstack([x @ form.outlet[0].T, x @ form.speed[0].T]), expected, atol=1e-8)
 
 

@@ -201,12 +201,11 @@ def integrated(
     return state.reshape(shape)
 
 
-def integrated_along(
-    system: GearSystem, path: Path, times: Array, start: Array, spin: tuple[Array | float, Array | float] = (0.0, 0.0)
-) -> Array:
+def integrated_along(system: GearSystem, path: Path, times: Array, start: Array) -> Array:
     """(q, q') at times of a straight path, from (q, q') at 0, by DOP853 begun anew at every jump.
 
-    start: one state, or several of a system without forces as columns. spin: G and H of Omega G q' + Omega^2 H q.
+    start: one state, or several of a system without forces as columns. Rotations have gyroscopic, circulatory and
+    centripetal matrices with exact ratios.
     """
     n, inverse, shape = system.size, np.linalg.inv(system.mass), start.shape
     first, slope, end = path.mesh_frequency[0], path.rate[0], float(times[-1])
@@ -228,9 +227,13 @@ def integrated_along(
             speed = first + slope * t
             # At the phase theta and the speed of the moment.
             force, stiffness, damping = force_and_matrices(system, speed, theta(t) / speed)
+            for turn in system.rotations:
+                w = float(turn.speed_ratio) * speed
+                damping = damping + w * turn.gyroscopic
+                stiffness = stiffness + w * turn.circulatory + w**2 * turn.centripetal
             y = y.reshape(shape)
             push = force.reshape(n, *(1,) * (len(shape) - 1))
-            pull = (stiffness + speed**2 * spin[1]) @ y[:n] + (damping + speed * spin[0]) @ y[n:]
+            pull = stiffness @ y[:n] + damping @ y[n:]
             return np.concatenate([y[n:], inverse @ (push - pull)]).ravel()
 
         state = solve_ivp(rate, (a, b), state.ravel(), "DOP853", rtol=1e-12, atol=1e-13).y[:, -1].reshape(shape)

@@ -56,7 +56,7 @@ def shown(quiet: bool) -> Iterator[Callable[[str], None]]:
     from gearstab.cli.report.content import STEPS
     from gearstab.sweep.bar import bar
 
-    with bar(quiet or not sys.stderr.isatty()) as progress:
+    with bar(disable=quiet or not sys.stderr.isatty()) as progress:
         task = progress.add_task("report", total=len(STEPS), speed="", unstable="")
 
         def step(text: str) -> None:

@@ -81,13 +81,14 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     from dataclasses import replace
 
     from gearstab.design.reasons.tongues import single
-    from gearstab.rotating_pair import RotatingPair
+    from gearstab.support import unsupported
+    from gearstab.system import Feature
     from gearstab.systems import build
 
     if solution is None:
         system = build(config.parameters)
-        if isinstance(system, RotatingPair) or not system.commensurate:
-            raise NotPossible("a report needs a linear system and exact ratios of mesh frequencies")
+        if refused := unsupported(system, {Feature.PERIODIC_TERMS}):
+            raise NotPossible(f"a report {refused[0]}", refused[1])
         return [facts.state_of("given", system, _spans(config), config)]
     found = []
     for word, design in (("given", solution.problem.given[0]), ("proposed", solution.optimum)):
@@ -319,7 +320,7 @@ def _modes(state: State) -> Iterator[Block]:
     modes = natural_modes(state.system)
     ratios, kinds = modal_damping_ratios(state.system, modes), type_names(state.system, modes)
     yield Heading("Natural frequencies of the given design")
-    if state.system.terms:
+    if state.system.general:
         yield Text(
             "They are damped ones, of the whole mean system; types and damping ratios are those of the modes of its "
             "symmetric part that its motions resemble."

@@ -139,7 +139,8 @@ def _usual_ratio(ratio: Fraction | float) -> None:
 class Ratio:
     """A positive ratio of tooth numbers or frequencies, kept exact: 1, 0.6 or "3/5".
 
-    exact: false for one that stands for an irrational number, a float.
+    signed: whether it may be negative, for the other sense of a rotation. exact: false for one that stands for an
+    irrational number, a float.
     sibling: the flag before it in the section that says which of the two it is.
     """
 
@@ -149,6 +150,7 @@ class Ratio:
 
     exact: bool = True
     sibling: str = ""
+    signed: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.with_info_plain_validator_function(
@@ -180,10 +182,15 @@ class Ratio:
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
+        positive: dict[str, Any] = {} if self.signed else {"exclusiveMinimum": 0}
         return {
             "anyOf": [
-                {"type": "number", "exclusiveMinimum": 0},
-                {"type": "string", "pattern": r"^\s*[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?\s*(/\s*[0-9]+\s*)?$"},
+                {"type": "number"} | positive,
+                {
+                    "type": "string",
+                    "pattern": (r"^\s*-?" if self.signed else r"^\s*")
+                    + r"[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?\s*(/\s*[0-9]+\s*)?$",
+                },
             ]
         }
 
@@ -196,7 +203,7 @@ class Ratio:
         if not _may_be_number(value):
             raise wrong("not_a_number", "must be a ratio", remedy)
         if isinstance(value, str):
-            found = re.fullmatch(r"\s*(\d{1,12}(?:\.\d{1,12})?)\s*(?:/\s*(\d{1,12})\s*)?", value)
+            found = re.fullmatch(r"\s*(-?\d{1,12}(?:\.\d{1,12})?)\s*(?:/\s*(\d{1,12})\s*)?", value)
             if not found or (found[2] and ("." in found[1] or int(found[2]) == 0)):
                 raise wrong("not_a_number", "must be a ratio of two integers", remedy)
             ratio = Fraction(int(found[1]), int(found[2])) if found[2] else Fraction(found[1])
@@ -204,11 +211,11 @@ class Ratio:
             ratio = Fraction(value if isinstance(value, int) else repr(value))
         else:
             raise wrong("not_finite", "must be a finite ratio", remedy)
-        if ratio <= 0:
+        if not self.signed and ratio <= 0:
             raise wrong("out_of_range", "must be > 0", remedy)
         otherwise = f", or {self.sibling}: false if it stands for an irrational number" if self.sibling else ""
-        _usual_ratio(ratio)
-        if max(ratio.numerator, ratio.denominator) > LARGEST_TERM:
+        _usual_ratio(abs(ratio))
+        if max(abs(ratio.numerator), ratio.denominator) > LARGEST_TERM:
             raise wrong("out_of_range", "has too many digits", f"write a ratio of tooth numbers{otherwise}")
         if ratio.denominator > LARGEST_DENOMINATOR and "/" not in str(value):
             near = ratio.limit_denominator(100)

@@ -82,6 +82,12 @@ class Boundaries:
             found[region] = (*found[region], self.tongues[k])
         return tuple(found)
 
+    def edges_of(self, row: int) -> Array:
+        """Return all edges of a row within the limits, ascending."""
+        own = self.row == row
+        edges = np.stack([self.lower, self.upper], axis=1)[own][~self.cut[own]]
+        return np.sort(edges[(edges > self.limits[0]) & (edges < self.limits[1])])
+
     def stable_share(self, stretches: tuple[Array, ...]) -> Array:
         """``(rows,)``: which part of the stable mesh frequencies these stretches make up; NaN where none is stable."""
         length = np.array([np.ptp(parts, axis=1).sum() for parts in stretches])

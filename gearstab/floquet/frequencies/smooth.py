@@ -51,26 +51,18 @@ class Window:
 def windows(system: GearSystem, cycles: float) -> Iterator[Window]:
     """Every row once."""
     functions = Functions(sources(system, [float(ratio) for ratio in system.frequency_ratios]), system.batch)
+    ends = np.broadcast_to([0.0, cycles], (system.rows, 2))
+    jumps = [
+        np.where(functions.varies(k)[:, None], functions.jumps_until(k, cycles), 0.0)
+        for k in range(len(functions.found))
+    ]
+    every = np.clip(np.concatenate([ends, *jumps], axis=1), 0.0, cycles)
     for elastic in reduce(system):
         for k, row in enumerate(elastic.rows):
-            edges = _edges(system, int(row), cycles)
+            edges = np.unique(every[row])
             length = np.diff(edges)
             start, length = edges[:-1][length > SHORTEST * cycles], length[length > SHORTEST * cycles]
             place = start[:, None] + length[:, None] * PROBES
             known = functions(np.array([row]), place.reshape(1, -1)).reshape(*place.shape, -1)
             constant = np.all(np.ptp(known, axis=1) <= CONSTANT * np.abs(known).max(axis=1), axis=-1)
             yield Window(functions, int(row), elastic.subset(np.array([k])), cycles, start, length, constant)
-
-
-def _edges(system: GearSystem, row: int, cycles: float) -> Array:
-    """``(Q + 1,)``, jumps and kinks of all meshes from 0 to ``cycles``."""
-    found = [np.array([0.0, cycles])]
-    for mesh in system.meshes:
-        every = mesh.waveform.breakpoints()
-        points = system.flat(every, 1)[row]
-        points, ratio = points + system.flat(mesh.lag)[row], float(mesh.frequency_ratio)
-        if len(points) and system.flat(mesh.epsilon)[row] != 0:
-            turns = np.arange(np.floor(-points.max()), np.ceil(ratio * cycles - points.min()) + 1)
-            found.append(((points[:, None] + turns) / ratio).ravel())
-    edges = np.concatenate(found)
-    return np.unique(edges[(edges >= 0) & (edges <= cycles)])

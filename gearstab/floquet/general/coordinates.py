@@ -20,7 +20,7 @@ from gearstab.system import Array, GearSystem
 class ElasticForm:
     """The first-order form of one row, but for rigid-body motion whose exponents are known beforehand.
 
-    damped: whether anything dissipates or feeds through velocities.
+    damped: whether anything dissipates or feeds through velocities; gyroscopic terms alone do not.
     rigid_exponents: ``(k,)``, 1/time, the known ones.
     elastic: ``(e,)``, the modes of the mean system that the coordinates u belong to.
     """
@@ -84,7 +84,14 @@ def _elastic_form(modal: ModalMatrices, row: int) -> ElasticForm:
         largest = np.abs(modal.damping).max(initial=0.0)
         known, damped = np.append(known, np.where(np.abs(own) > UNDAMPED * largest, own, 0.0)), damped[:0]
     form = modal.form(rows, elastic, damped, np.ones((1, len(elastic))))
-    return ElasticForm(form, any(np.any(matrix) for matrix in drag), known, elastic)
+    return ElasticForm(form, _dissipates(modal), known, elastic)
+
+
+def _dissipates(modal: ModalMatrices) -> bool:
+    drag = [modal.damping, *(matrix for on_velocity, matrix in modal.parts if on_velocity)]
+    size = max(float(np.abs(matrix).max(initial=0.0)) for matrix in modal.dissipative())
+    power = (np.abs(matrix + np.swapaxes(matrix, -1, -2)).max(initial=0.0) for matrix in drag)
+    return max(power) > UNDAMPED * size
 
 
 def _coupled(drag: list[Array], rows: Array, columns: Array) -> bool:

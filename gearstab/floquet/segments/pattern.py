@@ -15,6 +15,7 @@ import numpy as np
 from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.grouping import equal_rows
 from gearstab.modal import symmetric_eigen
+from gearstab.propagation.schedule import Functions, sources
 from gearstab.system import Array, GearSystem, Mesh
 
 SHORTEST = 2e-15
@@ -171,12 +172,9 @@ def _check(system: GearSystem) -> None:
 def window(system: GearSystem, cycles: float) -> list[Pattern]:
     """All rows over the first ``cycles`` periods 2 pi/Omega from t = 0, whatever the ratios of the mesh frequencies."""
     _check(system)
-    edges = [np.zeros((system.rows, 1))]
-    for mesh in system.meshes:
-        ratio = float(mesh.frequency_ratio)
-        jumps = _jumps(system, mesh)
-        turns = np.arange(np.floor(-jumps.max()), np.ceil(ratio * cycles - jumps.min()) + 1)
-        edges.append(((jumps[:, :, None] + turns) / ratio).reshape(system.rows, -1))
+    functions = Functions(sources(system, [float(ratio) for ratio in system.frequency_ratios]), system.batch)
+    jumps = [functions.jumps_until(k, cycles) for k in range(len(functions.found))]
+    edges = [np.zeros((system.rows, 1)), *jumps]
     found = np.sort(np.clip(np.concatenate(edges, axis=1), 0.0, cycles), axis=1)
     middle = found + 0.5 * np.diff(found, axis=1, append=cycles)
     bits = np.zeros(found.shape, dtype=np.int64)

@@ -52,7 +52,7 @@ FAR = 3.0
 
 
 @dataclass(frozen=True)
-class Motion:
+class BranchMotion:
     """A point of a branch. x, parameter, kind, multiplicity, vector: as there.  grazing: a flank is hardly touched."""
 
     x: Array
@@ -74,7 +74,7 @@ class Branch:
     ends: why it ends at the first and the last, of BRANCH_FLAGS.
     """
 
-    motions: tuple[Motion, ...]
+    motions: tuple[BranchMotion, ...]
     periods: int
     ends: tuple[str, str]
     parent: int = -1
@@ -95,7 +95,7 @@ class Starts:
     seed: int = 0
 
 
-class Search:
+class BranchSearch:
     """The branches of one system over its mesh frequency.
 
     limits: of every branch;  switch: whether to follow those that leave at period doublings.
@@ -179,9 +179,9 @@ class Search:
         up, last = self._one_way(start, np.append(np.zeros(len(start.x)), 1.0), periods, 1 + len(down))
         return Branch((*reversed(down), self.motion(start), *up), periods, (first, last))
 
-    def _one_way(self, start: Point, along: Array, periods: int, known: int) -> tuple[list[Motion], str]:
+    def _one_way(self, start: Point, along: Array, periods: int, known: int) -> tuple[list[BranchMotion], str]:
         """Motions from the start on, and why they end; known: motions of the branch that count already."""
-        motions: list[Motion] = []
+        motions: list[BranchMotion] = []
         limits = replace(self.limits, most=self.limits.most - self.points - known)
         for item in self.curve(periods).follow(start, along, limits):
             if isinstance(item, str):
@@ -191,13 +191,13 @@ class Search:
             motions.append(self.motion(item))
         return motions, MORE
 
-    def motion(self, point: Point) -> Motion:
+    def motion(self, point: Point) -> BranchMotion:
         """Sum up a point; the motion itself, which takes far more memory, is let go."""
         lap = point.visit
         assert isinstance(lap, Lap)
         found = stability(self.laps, lap, point.parameter)
         own = point.x, point.parameter, point.kind or "none", point.multiplicity, point.vector
-        return Motion(*own, found, lap.cycle, lap.grazing)
+        return BranchMotion(*own, found, lap.cycle, lap.grazing)
 
     def _add(self, branch: Branch) -> None:
         self.found.append(branch)
@@ -211,7 +211,7 @@ class Search:
                     if doubled is not None:
                         self._add(replace(doubled, parent=parent, leaves=number))
 
-    def _doubled(self, point: Motion, vector: Array, periods: int) -> Branch | None:
+    def _doubled(self, point: BranchMotion, vector: Array, periods: int) -> Branch | None:
         """The branch of twice the period that leaves along a vector; None where it is known, or not found."""
         curve = self.curve(2 * periods)
         amplitude, first = self._grazing(curve, point, vector), []
@@ -229,7 +229,7 @@ class Search:
         motions, end = self._one_way(start, normal, 2 * periods, len(first) + 1)
         return Branch((*first, self.motion(start), *motions), 2 * periods, ("doubling", end))
 
-    def _grazing(self, curve: Curve, point: Motion, vector: Array) -> float:
+    def _grazing(self, curve: Curve, point: BranchMotion, vector: Array) -> float:
         """The amplitude up to which the doubled motion is linear, at the same parameter; 0 where it is not at all.
 
         Teeth in contact move linearly: at an edge of an instability region there is a motion of twice the period of any

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.response.branches.solve import BRANCH_FLAGS, KINDS, Search
+from gearstab.response.branches.solve import BRANCH_FLAGS, KINDS, BranchSearch
 from gearstab.system import Array
 
 
@@ -44,7 +44,7 @@ class BranchTable:
     status: Array
 
 
-def table(search: Search, points: int, multipliers: int, meshes: int) -> BranchTable:
+def table(search: BranchSearch, points: int, multipliers: int, meshes: int) -> BranchTable:
     """Arrange what was found of a system of so many meshes; multipliers: columns for them, as many as there are."""
     branches = search.found
     rows = [(k, branch, motion) for k, branch in enumerate(branches) for motion in branch.motions]

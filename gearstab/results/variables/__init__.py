@@ -23,7 +23,7 @@ SPEED = "(mesh frequency or input speed)"
 """In ``dims``: in what a response is given its speed."""
 
 
-STRETCH = "stretch"
+STRETCH, PIECE = "stretch", "piece"
 """In ``dims``: parts of the range of mesh frequencies, as many as the row with most of them has."""
 
 
@@ -58,9 +58,14 @@ class Variable:
         return self.missing if self.missing is not None else nan if self.dtype.startswith("f") else 0
 
     @property
+    def of_parts(self) -> bool:
+        """Whether its first dimension are parts of the range, of which rows have different numbers."""
+        return not {STRETCH, PIECE}.isdisjoint(self.dims)
+
+    @property
     def listed(self) -> bool:
-        """Whether its first dimension is a list that differs from row to row: of tongues, or of stretches."""
-        return not {"tongue", STRETCH}.isdisjoint(self.dims)
+        """Whether its first dimension is a list that differs from row to row: of tongues, or of parts of the range."""
+        return "tongue" in self.dims or self.of_parts
 
     def over(self, grid: Sequence[str], rows: Sequence[str]) -> Variable:
         """The variable with GRID and ROWS replaced by the names of a sweep's axes."""
@@ -285,6 +290,19 @@ EXACT = (
     ),
     *SAMPLED,
 )  # fmt: skip
+
+
+CERTIFICATES = (
+    coordinate("entry", "entry", TEXT, "1", "number of a certificate"),
+    Variable("certificate_frequency", (PIECE, "side", ROWS), "f8", "rad/s", "ends of a piece with a certificate"),
+    Variable(
+        "certificate", (PIECE, ROWS, "entry"), "f4", "1", "what proves a piece, see docs/certificates.md",
+        {"comment": "outside 0: stable, else unstable; rate 0: by an invariant form, else by one that grows or decays"},
+    ),
+    Variable("certified_share", (ROWS,), "f8", "1", "share of the mesh frequencies with a certificate"),
+    Variable("uncertified_width", (ROWS,), "f8", "1", "widest part without one, relative to the mesh frequency"),
+)  # fmt: skip
+"""What ``gearstab verify`` proves."""
 
 
 FIRST_ORDER = (

@@ -48,14 +48,19 @@ PLACES = (1 / 8, 5 / 8, 3 / 8, 7 / 8)
 lie in the middle."""
 SPREAD = 30.0
 """No place is so much dearer or cheaper than the middle that its sample is no accident."""
+DOUBT = 3.0
+"""A sample that does not end in so many times what it should take leaves the time unknown."""
 UNIT = 3e-8
 """Seconds of a unit of a method's cost, about."""
 OVERHEAD = 2.5
 """Arrays of a block's size that a method holds at once besides its results, roughly."""
+LEAST_PART = 1 / 16
+"""Part of a range from which on its time tells that of all of it: of less the search hardly knows."""
 FIRST = 0.5
 """Part of the time in which a whole range is tried before parts of it."""
-PARTS, PART_SIZES, GROWTH_OF_PARTS = 3, (1 / 256, 1 / 64, 1 / 16, 1 / 4, 1.0), 4.0
-"""Places in a range that is too long to be tried, sizes of the part tried at each, and how these grow."""
+PARTS, PART_SIZES, GROWTH_OF_PARTS = 3, (1 / 4096, 1 / 256, 1 / 64, 1 / 16, 1 / 4, 1.0), 4.0
+"""Places in a range that is too long to be tried, sizes of the part tried at each, and how these grow. The first tells
+what does not grow with the range."""
 SMALL = 1e6
 """Cost of what is done in seconds."""
 IMPORTS = 0.5
@@ -196,13 +201,16 @@ def _work(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, float
     share = Clock(clock.left * (FIRST if ranges else 1.0))
     samples, known = _samples(lambda wanted: _sample(plan, layout, share, wanted), prod(layout.chunk), share, known)
     if not samples:
+        if layout.method.bounded:
+            return UNIT * layout.cost * layout.points, 0.0
         return (_of_parts(plan, layout, clock) if ranges else None), 0.0
     inner = plan.inner(layout)
     row = 1 if inner is None else layout.chunk[inner]
     if len(samples) == 1 and samples[0].seconds > IMPORTS and samples[0].points < prod(layout.chunk):
         return None, 0.0  # what of it the points of a block share is not known
     work, size = _whole(layout, row, samples, known, np.inf if ranges else _bytes_a_point(layout, np.inf))
-    return work * _dearer(plan, layout, clock, samples[-1]), size
+    dearer = _dearer(plan, layout, clock, samples[-1])
+    return None if dearer is None else work * dearer, size
 
 
 def _of_parts(plan: Plan, layout: Layout, clock: Clock) -> float | None:
@@ -219,7 +227,7 @@ def _of_parts(plan: Plan, layout: Layout, clock: Clock) -> float | None:
         share = Clock(clock.left / (PARTS - k))
         spent: list[tuple[float, float]] = []
         for part in PART_SIZES:
-            if spent and GROWTH_OF_PARTS * spent[-1][1] > share.left:
+            if len(spent) > 1 and GROWTH_OF_PARTS * spent[-1][1] > share.left:
                 break
             # Cycles, and with them regions, lie evenly in 1/Omega.
             middle, half = 0.5 * (1 / low + 1 / high), 0.5 * part * (1 / low - 1 / high)
@@ -227,9 +235,9 @@ def _of_parts(plan: Plan, layout: Layout, clock: Clock) -> float | None:
             if found is None:
                 break
             spent.append((part, found[1]))
-        if not spent:
+        if not spent or spent[-1][0] < LEAST_PART:
             return None
-        (less, before), (part, last) = spent[-2:] if len(spent) > 1 else ((0.0, 0.0), spent[-1])
+        (less, before), (part, last) = spent[-2:]
         total += last + (1 - part) * max(last - before, 0.0) / (part - less)
     return total * layout.points * runs
 
@@ -256,8 +264,10 @@ def _samples(
             growth = max(growth, APART)  # Much of what a single point takes may be shared.
         if growth < GROWTH[0]:
             break
-        wanted = max(wanted, last.points) * growth
+        wanted, before = max(wanted, last.points) * growth, clock.left
         found = sample(wanted)
+        if found is None and before > DOUBT * min(growth, most / last.points) * last.seconds:
+            return [], np.inf  # points differ so much that a few do not tell of all
         if found is None:
             known = np.inf if len(samples) == 1 else known
             break
@@ -300,8 +310,8 @@ def _scaled(layout: Layout, row: int, values: list[tuple[int, float]], known: fl
     return (total - further * points) * shares + further * layout.points
 
 
-def _dearer(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float:
-    """What a point takes on average over what it takes in the middle of the grid."""
+def _dearer(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float | None:
+    """What a point takes on average over what it takes in the middle of the grid; None where one does not end."""
     if middle.points == layout.points:
         return 1.0
     ratios = []
@@ -310,6 +320,8 @@ def _dearer(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float:
         if before < middle.seconds:
             break
         found = _sample(plan, layout, clock, middle.points, place)
+        if found is None and before > DOUBT * middle.seconds:
+            return None
         if found is None:
             ratios.append(before / middle.seconds)
         elif middle.seconds > 0:

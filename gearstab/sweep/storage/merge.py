@@ -19,7 +19,7 @@ from gearstab.results.output import Look
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.tree import Chunked, Encoded, Field, Group, Offset, ResultTree, octets
 from gearstab.results.units import in_units_of
-from gearstab.results.variables import OCCURRENCE, STRETCH, TEXT, TONGUE, Variable, coordinate
+from gearstab.results.variables import OCCURRENCE, TEXT, TONGUE, Variable, coordinate
 from gearstab.results.write import write_result
 from gearstab.sweep import teeth
 from gearstab.sweep.compute import inner_shape, moved
@@ -118,7 +118,7 @@ def _places(
     variable: Variable, parts: Mapping[str, FinishedBlock], tongues: tuple[Key, ...]
 ) -> tuple[dict[str, Array], int]:
     """Where the chunks of each block stand along the variable's first dimension, and how long that is."""
-    if STRETCH in variable.dims:
+    if variable.of_parts:
         found = {key: np.arange(len(part.pieces(variable.name))) for key, part in parts.items()}
         return found, max((len(index) for index in found.values()), default=0)
     place = {tongue: k for k, tongue in enumerate(tongues)}

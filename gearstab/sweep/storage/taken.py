@@ -14,7 +14,7 @@ import numpy as np
 from gearstab.errors import ResultError, SweepError, one_line
 from gearstab.methods import Key, Outcome
 from gearstab.perturbation import Tongue
-from gearstab.results.variables import OCCURRENCE, ROWS, STRETCH, TEXT, TONGUE, Variable
+from gearstab.results.variables import OCCURRENCE, ROWS, TEXT, TONGUE, Variable
 from gearstab.system import Array
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def _listed(group: h5py.Group, variables: Sequence[Variable], places: Sequence[A
         there = _filled(variable, values[variable.name])
         if "tongue" in variable.dims:
             present |= there
-        elif STRETCH in variable.dims:
+        elif variable.of_parts:
             last = np.flatnonzero(there)[-1] + 1 if there.any() else 0
             values[variable.name] = values[variable.name][:last]
     new = np.where(present, np.cumsum(present) - 1, -1)

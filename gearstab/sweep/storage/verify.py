@@ -15,7 +15,7 @@ from gearstab.methods import Key
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED, kind_of, label_of
 from gearstab.results.chunks import decode, holds
-from gearstab.results.variables import GRID, STRETCH, Variable
+from gearstab.results.variables import GRID, Variable
 from gearstab.sweep.compute import flag_counts, inner_shape
 from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.storage.parts import FinishedBlock
@@ -76,12 +76,12 @@ def _sound(layout: Layout, block: GridBlock, variable: Variable, part: FinishedB
     """Whether a variable has the pieces, of the size, and with the values that it can have."""
     shape, octets = _shape(layout, variable), np.dtype(variable.dtype).itemsize
     pieces = part.pieces(variable.name)
-    many = len(part.tongues) if "tongue" in variable.dims else max(1, len(pieces)) if STRETCH in variable.dims else 1
+    many = len(part.tongues) if "tongue" in variable.dims else max(1, len(pieces)) if variable.of_parts else 1
     if len(pieces) != many:
         return False
     if not all(holds(data, octets * prod(shape)) for data in pieces):
         return False
-    if STRETCH in variable.dims:
+    if variable.of_parts and "side" in variable.dims:
         return _ascend(_inside(layout, block, variable, data) for data in pieces)
     if variable.dtype.startswith("f"):
         return True

@@ -201,13 +201,13 @@ def _teeth(item: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[
 
 def complete_angles(document: Document, raw: dict[str, Any]) -> None:
     """Write out the angles that are to be assembled, in the section as written."""
-    teeth = {item.get("name"): item.get("teeth") for item in map(mapping, sequence(raw.get("rotors")))}
+    teeth = {str(item.get("name")): item.get("teeth") for item in map(mapping, sequence(raw.get("rotors")))}
     for k, item in enumerate(map(mapping, sequence(raw.get("planetary_sets")))):
         planets = mapping(item.get("planets"))
         if planets.get("angles") != ASSEMBLE:
             continue
         place = ("system", "planetary_sets", k, "planets", "angles")
-        numbers = [planets.get("count"), *(teeth.get(item.get(gear)) for gear in ("sun", "ring"))]
+        numbers = [planets.get("count"), *(teeth.get(str(item.get(gear))) for gear in ("sun", "ring"))]
         if not all(type(number) is int and number > 0 for number in numbers):
             hint = "give count, and rotors for sun and ring their teeth"
             document.report(place, "needs_other", "needs the numbers of teeth", hint)

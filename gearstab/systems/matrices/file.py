@@ -14,8 +14,10 @@ from gearstab.config.model.fields import Section
 from gearstab.errors import one_line
 
 REQUIRED = ("mass", "stiffness")
-OPTIONAL = ("damping",)
-SYMBOLS = {"mass": "M", "stiffness": "K", "damping": "C"}
+OF_ROTATION = ("gyroscopic", "centripetal", "circulatory")
+"""They belong to the first entry of ``rotation``."""
+OPTIONAL = ("damping", *OF_ROTATION)
+SYMBOLS = {"mass": "M", "stiffness": "K", "damping": "C", "gyroscopic": "G"}
 """Other names of the matrices in a file."""
 SUFFIXES = (".npz", ".h5", ".hdf5", ".mat")
 MARKET = (".mtx", ".mm")
@@ -30,6 +32,15 @@ class MatrixFiles(Section):
     stiffness: StrictStr = Field(title="file of the stiffness matrix", description="A Matrix Market file (.mtx).")
     damping: StrictStr | None = Field(
         default=None, title="file of the damping matrix", description="A Matrix Market file (.mtx)."
+    )
+    gyroscopic: StrictStr | None = Field(
+        default=None, title="file of the gyroscopic matrix", description="A Matrix Market file (.mtx)."
+    )
+    centripetal: StrictStr | None = Field(
+        default=None, title="file of the centripetal matrix", description="A Matrix Market file (.mtx)."
+    )
+    circulatory: StrictStr | None = Field(
+        default=None, title="file of the circulatory matrix", description="A Matrix Market file (.mtx)."
     )
 
 
@@ -52,15 +63,15 @@ def read_market(path: FilePath) -> Array:
 
 
 def read_matrices(path: FilePath) -> dict[str, Array]:
-    """Return ``mass``, ``stiffness`` and, if given, ``damping`` as float arrays (n, n).
+    """Return ``mass``, ``stiffness`` and, if given, OPTIONAL ones as float arrays (n, n).
 
-    They may be called M, K and C. Sparse matrices of a .mat file are filled. Raises DataFileError.
+    They may be called M, K, C and G. Sparse matrices of a .mat file are filled. Raises DataFileError.
     """
     if path.suffix.lower() in MARKET:
         hint = "write files: {mass: M.mtx, stiffness: K.mtx, damping: C.mtx}"
         raise DataFileError("is a Matrix Market file, which holds one matrix", hint)
     usable(path, ".npz, .h5 or .mat", SUFFIXES)
-    found = arrays(path, (*SYMBOLS, *SYMBOLS.values()), MOST_COORDINATES)
+    found = arrays(path, (*REQUIRED, *OPTIONAL, *SYMBOLS.values()), MOST_COORDINATES)
     for name, symbol in SYMBOLS.items():
         if found.get(symbol) is not None:
             if found.get(name) is not None:

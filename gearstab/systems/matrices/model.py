@@ -29,6 +29,7 @@ from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.matrices.definite import check_definite
 from gearstab.systems.matrices.file import (
+    OF_ROTATION,
     OPTIONAL,
     REQUIRED,
     MatrixFiles,
@@ -40,6 +41,7 @@ from gearstab.systems.matrices.vectors import default_names, write_out
 from gearstab.systems.parts.damping import Damping, not_square, with_damping
 from gearstab.systems.parts.forcing import Force, Load, OneAsWell, with_forcing
 from gearstab.systems.parts.mesh import MatrixMesh, build_mesh
+from gearstab.systems.parts.rotation import RotationSection, check_rotation, rotations
 from gearstab.systems.parts.terms import Term, antisymmetric_terms, periodic_terms
 
 if TYPE_CHECKING:
@@ -60,7 +62,7 @@ CoordinateUnits = Annotated[list[Annotated[str, Choice("unit of a coordinate", U
 
 
 class Matrices(System):
-    """Any linear model from elsewhere: M q'' + C q' + (K0 + sum k_i(t) g_i g_i^T) q = 0."""
+    """Any linear model from elsewhere: M q'' + (C + W G) q' + (K0 + W H + W^2 K + sum k_i(t) g_i g_i^T) q = 0."""
 
     start: ClassVar[Start | None] = Start(
         "A model from elsewhere: two inertias and two gears on shafts, as matrices",
@@ -88,7 +90,7 @@ class Matrices(System):
     stiffness: list[list[StiffnessEntry]] | None = Field(
         default=None,
         title="stiffness matrix",
-        description="K0, everything but the meshes (N/m, or N m/rad of a rotation); symmetric.",
+        description="K0, everything but the meshes (N/m, or N m/rad of a rotation); unsymmetric of some bearings.",
     )
     file: StrictStr | None = Field(
         default=None,
@@ -124,6 +126,11 @@ class Matrices(System):
         default=[],
         title="terms",
         description="Further periodic or constant parts a u v^T of the stiffness and damping matrix, of any symmetry.",
+    )
+    rotation: Annotated[list[RotationSection], OneAsWell()] = Field(
+        default=[],
+        title="rotation",
+        description="Speeds of rotation with gyroscopic, centripetal and circulatory matrices; one, or a list of them.",
     )
     load: Annotated[Load, ByCoordinate()] | None = Field(
         default=None, title="load", description="Constant forces, one per coordinate (N, or N m of a rotation)."
@@ -169,6 +176,10 @@ class Matrices(System):
                 if system.get(other) is not None:
                     message = f"the file {names.get(key, names.get(''))} has {key} already"
                     document.report(("system", other), "already_given", message, "keep one of the two")
+        kept = [key for key in OF_ROTATION if key in contents]
+        if kept and not system.get("rotation"):
+            message = f"the file holds {' and '.join(kept)}, and no speed of rotation is given"
+            document.report(("system",), "missing", message, 'add rotation: {speed_ratio: ".."}, or speed')
         return contents
 
     @classmethod
@@ -182,8 +193,19 @@ class Matrices(System):
         """Matrices that no system has, too."""
         feasibility.check_mesh_levels(document, grid)
         _check_axes(document, grid)
-        if feasibility.check_symmetric(document, grid.parameters, [("mass",), ("stiffness",)]):
+        check_rotation(document, grid.parameters)
+        if feasibility.check_symmetric(document, grid.parameters, [("mass",)]):
             check_definite(document, feasibility.numbers_only(grid), cls.build)
+
+    @classmethod
+    def doubts(cls, p: dict[str, Any]) -> Iterator[tuple[Path, str, str]]:
+        """Matrices written entry by entry that are not symmetric: bearings are, and so are misprints."""
+        for path in (("stiffness",), ("damping", "matrix")):
+            rows = value_at(p, path)
+            if isinstance(rows, list) and np.any(difference := feasibility.asymmetry(values := matrix(rows))):
+                i, j = (int(k) for k in np.unravel_index(np.argmax(difference), difference.shape))
+                message = f"is not symmetric: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}"
+                yield (*path, i, j), message, "make them equal unless bearings or rotation make them differ"
 
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
@@ -192,6 +214,9 @@ class Matrices(System):
         if isinstance(raw.get("damping"), list):
             raw["damping"] = {"matrix": raw["damping"]}
             document.move(("system", "damping"), ("system", "damping", "matrix"))
+        if isinstance(raw.get("rotation"), dict):
+            raw["rotation"] = [raw["rotation"]]
+            document.move(("system", "rotation"), ("system", "rotation", 0))
         if isinstance(raw.get("coordinate_units"), str):
             raw["coordinate_units"] = [raw["coordinate_units"]]
             document.move(("system", "coordinate_units"), ("system", "coordinate_units", 0))
@@ -214,6 +239,8 @@ class Matrices(System):
         yield from wrong_length(raw, "load", size)
         yield from within_each(raw, "terms", lambda term: Term.conflicts(term, size))
         yield from repeated_names(raw, "terms", "term")
+        of_file = raw.get("file") is not None or raw.get("files") is not None
+        yield from within_each(raw, "rotation", lambda part: RotationSection.conflicts(part, size, of_file))
         yield from within_each(raw, "forces", lambda force: Force.conflicts_of_size(force, size))
         for name in ("mass", "stiffness"):
             rows = raw.get(name)
@@ -265,8 +292,9 @@ class Matrices(System):
         units = units * len(names) if len(units) == 1 else units
         deflection = p.get("deflection_unit", "m")
         system = GearSystem(
-            mass, stiffness, meshes, coordinates=names, terms=terms, units=units, deflection_unit=deflection
-        )
+            mass, stiffness, meshes, coordinates=names, terms=terms, units=units, deflection_unit=deflection,
+            rotations=rotations(p),
+        )  # fmt: skip
         return with_forcing(with_damping(system, p), p)
 
 

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 from gearstab.response.branches.continuation import DOUBLING, FOLD, StepLimits
 from gearstab.response.branches.sections import SectionMap
-from gearstab.response.branches.solve import GRAZING, Branch, Search, Starts
+from gearstab.response.branches.solve import GRAZING, Branch, BranchSearch, Starts
 from gearstab.response.linear.speeds import speed_response
 
 Array = np.ndarray
@@ -22,9 +22,9 @@ ALWAYS, CONTACT = CASES
 
 
 @cache
-def searched(number: int) -> Search:
+def searched(number: int) -> BranchSearch:
     low, high = CASES[number]["branch_from_to"]
-    found = Search(pair(CASES[number]), StepLimits(low, high, most=1500), switch=True)
+    found = BranchSearch(pair(CASES[number]), StepLimits(low, high, most=1500), switch=True)
     found.run(Starts((0.7, 1.2)))
     return found
 
@@ -140,7 +140,7 @@ def integrated(case: dict[str, Any], omega: float, state: Array, periods: int) -
 def test_without_loss_of_contact_the_branch_is_the_linear_steady_state() -> None:
     """To 1e-10, with the load tenfold so that the teeth never part above 1.3."""
     case = ALWAYS | {"parameters": ALWAYS["parameters"] | {"load_F": 5.0}}
-    found = Search(pair(case), StepLimits(1.3, 1.7, most=100), switch=False)
+    found = BranchSearch(pair(case), StepLimits(1.3, 1.7, most=100), switch=False)
     (branch,) = found.run(Starts((1.5,)))
     assert len(branch.motions) > 5
     omega = np.array([motion.parameter for motion in branch.motions])

@@ -120,7 +120,8 @@ def test_input_speeds_jump_in_rpm(tmp_path: Path) -> None:
     speed = xarray.DataArray([10.0, 20.0], dims="input_speed", attrs={"units": "rad/s", "mesh_frequency_factor": 20.0})
     root = xarray.Dataset(coords={"input_speed": speed})
     group = xarray.Dataset({
-        "jump": ("point", [0, 1]), "landing": ("point", [-1, -1]), "branch_frequency": ("point", [300.0, 314.159265358979]),
+        "jump": ("point", [0, 1]), "landing": ("point", [-1, -1]),
+        "branch_frequency": ("point", [300.0, 314.159265358979]),
         "transmission_error_rms": (("point", "mesh"), [[1.0], [2.0]], {"units": "m"}),
     }, coords={"mesh": ["first"]})  # fmt: skip
     (found,) = jumps(xarray.DataTree.from_dict({"/": root, "branches": group}))

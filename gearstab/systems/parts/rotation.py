@@ -1,0 +1,96 @@
+"""Speeds of rotation of a model given as matrices, and what acts with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from gearstab.config.document.problems import Path
+from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.model.arrays import matrix
+from gearstab.config.model.conflicts import Conflict, exactly_one, items
+from gearstab.config.model.fields import Quantity, Ratio, Section
+from gearstab.rotation import Rotation
+from gearstab.systems.matrices.file import OF_ROTATION
+from gearstab.systems.parts.damping import not_square
+
+SKEW_TOLERANCE = 1e-12
+"""Part of the largest entry by which a gyroscopic matrix may differ from a skew one, a centripetal from a symmetric."""
+
+Inertia = Annotated[float, Quantity("kg", ("kg m", "kg m^2"), entry=True)]
+Drag = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
+
+
+class RotationSection(Section):
+    """A speed of rotation W, and matrices that act with it: W G q' + (W H + W^2 K) q."""
+
+    speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(
+        default=None,
+        title="speed ratio of a rotation",
+        description='W/Omega, exact: "1/25", or -1 for the other sense; or give speed.',
+    )
+    speed: Annotated[float, Quantity("rad/s")] | None = Field(
+        default=None,
+        title="speed of a rotation",
+        description='W, held whatever the mesh frequency (rad/s, "1500 rpm"); or give speed_ratio.',
+    )
+    gyroscopic: list[list[Inertia]] | None = Field(
+        default=None, title="gyroscopic matrix", description="G in W G q', skew (kg, or kg m^2 of rotations)."
+    )
+    centripetal: list[list[Inertia]] | None = Field(
+        default=None,
+        title="centripetal matrix",
+        description="K in W^2 K q, symmetric and added, so negative where rotation softens (kg, or kg m^2).",
+    )
+    circulatory: list[list[Drag]] | None = Field(
+        default=None, title="circulatory matrix", description="H in W H q, of rotating damping (N s/m, or N m s)."
+    )
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any], size: int | None, of_file: bool) -> Iterator[Conflict]:
+        """One speed, and matrices of the size of the system; of_file: whether a file may hold the matrices."""
+        yield from exactly_one(raw, ("speed_ratio", "speed"))
+        if not of_file and all(raw.get(name) is None for name in OF_ROTATION):
+            yield (), "missing", "has no matrix", f"add {', '.join(OF_ROTATION[:-1])} or {OF_ROTATION[-1]}"
+        for name in OF_ROTATION:
+            yield from not_square(raw, name, size)
+
+
+def rotations(p: dict[str, Any]) -> tuple[Rotation, ...]:
+    """Return the rotations of ``p["rotation"]``; matrices of a file belong to the first one."""
+    of_file = {name: p[name] for name in OF_ROTATION if p.get(name) is not None}
+    parts = [part | (of_file if not k else {}) for k, part in enumerate(p.get("rotation") or ())]
+    return tuple(
+        Rotation(
+            part.get("speed_ratio"),
+            np.asarray(part.get("speed") or 0.0, dtype=float),
+            **{name: matrix(part[name]) for name in OF_ROTATION if part.get(name) is not None},
+        )
+        for part in parts
+    )
+
+
+def check_rotation(document: Document, parameters: dict[str, Any]) -> None:
+    """Report gyroscopic matrices that are not skew, and centripetal ones that are not symmetric."""
+    table = (("gyroscopic", 1.0, "skew", "-"), ("centripetal", -1.0, "symmetric", ""))
+    for place, part in items(parameters.get("rotation")):
+        for name, sign, kind, minus in table:
+            if part.get(name) is None:
+                continue
+            values = matrix(part[name]).reshape(-1, *np.shape(matrix(part[name]))[-2:])[0]
+            wrong = np.abs(values + sign * values.T)
+            if np.max(wrong) <= SKEW_TOLERANCE * np.max(np.abs(values)):
+                continue
+            i, j = (int(k) for k in np.unravel_index(np.argmax(wrong), wrong.shape))
+            path: Path = ("system", "rotation", place, name, i, j)
+            message = (
+                f"must be {kind}: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}, so "
+                f"{wrong[i, j]:.3g} too much"
+            )
+            remedy = f"make one {minus}1 times the other; what is left belongs in damping, stiffness or circulatory"
+            written = value_at(document.data, path) is not None
+            document.report(path if written else ("system", "rotation"), "matrix", message, remedy)

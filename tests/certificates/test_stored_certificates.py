@@ -1,0 +1,164 @@
+"""Certificates of a sweep: stored, proved again by ``gearstab verify``, refused where they were changed."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scenes import TRAIN, ran, result_of, written
+
+pytest.importorskip("flint")
+
+from gearstab.results import open_result
+from gearstab.sweep import Reporter
+from gearstab.sweep.certificates import verify
+
+CASE = TRAIN.replace("tooth_ratio: 1\n", "tooth_ratio: 1\n  damping_ratio: 0.01\n") + """\
+sweep:
+  mesh_frequency: [2.2, 2.9]
+  epsilon: [0.1, 0.3]
+methods:
+  boundaries: {certificate: true}
+"""
+"""At epsilon 0.3 a region from 2.63 to 2.73."""
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("certificates")
+    result_of(folder, CASE, "boundaries")
+    return folder / "case.h5"
+
+
+@pytest.fixture
+def copied(stored: Path, tmp_path: Path) -> Path:
+    for name in ("case.h5", "case.yaml"):
+        shutil.copy(stored.parent / name, tmp_path / name)
+    return tmp_path / "case.h5"
+
+
+def test_all_pieces_are_proved_again(stored: Path) -> None:
+    with open_result(stored) as tree:
+        found = tree["boundaries"].to_dataset().load()
+    assert (found["certified_share"] > 0.999).all()
+    # The widest part left is next to an edge: the part of the range that is given up there.
+    assert (found["uncertified_width"] < 4e-4).all()
+    done = ran("verify", stored)
+    assert done.exit_code == 0
+    count = int(np.isfinite(found["certificate_frequency"].values[:, 0]).sum())
+    assert f"{count} of {count} pieces proved" in done.stdout
+    assert "theorem" in done.stdout
+
+
+def test_pieces_agree_with_the_regions(stored: Path) -> None:
+    with open_result(stored) as tree:
+        found = tree["boundaries"].to_dataset().load()
+    for row in range(2):
+        ends = found["certificate_frequency"].values[:, :, row]
+        outside = found["certificate"].values[:, row, 0]
+        edges = found["boundary_frequency"].values[:, :, row]
+        middle = ends.mean(axis=1)
+        inside = ((edges[:, :1] < middle) & (middle < edges[:, 1:])).any(axis=0)
+        there = np.isfinite(middle)
+        assert np.array_equal(outside[there] > 0, inside[there])
+    assert (found["certificate"].values[:, 1, 0] > 0).any()
+
+
+def row_and_piece(file: h5py.File) -> tuple[int, int]:
+    """The first unstable piece at epsilon 0.3."""
+    return 1, int(np.flatnonzero(file["boundaries/certificate"][:, 1, 0] > 0)[0])
+
+
+def moved(file: h5py.File) -> None:
+    row, piece = row_and_piece(file)
+    file["boundaries/certificate_frequency"][piece, :, row] *= 1 - 1e-3
+
+
+def said_stable(file: h5py.File) -> None:
+    row, piece = row_and_piece(file)
+    file["boundaries/certificate"][piece, row, :2] = 0, 1
+
+
+def spoiled(file: h5py.File) -> None:
+    row, piece = row_and_piece(file)
+    file["boundaries/certificate"][piece, row, -5] = np.nan
+
+
+def exchanged(file: h5py.File) -> None:
+    row, piece = row_and_piece(file)
+    file["boundaries/certificate"][piece, row, 5:] = file["boundaries/certificate"][0, row, 5:]
+
+
+@pytest.mark.parametrize("forge", [moved, said_stable, spoiled, exchanged])
+def test_a_changed_certificate_is_named_and_the_rest_kept(copied: Path, forge: Callable[[h5py.File], None]) -> None:
+    with h5py.File(copied, "r+") as file:
+        forge(file)
+    done = ran("verify", copied)
+    assert done.exit_code == 1
+    named = [line for line in done.stderr.splitlines() if "not proved" in line]
+    assert len(named) == 1
+    assert "epsilon 0.3: not proved" in named[0]
+    total = int(done.stdout.split(" of ")[1].split()[0])
+    assert f"{total - 1} of {total} pieces proved" in done.stdout
+
+
+def test_a_file_that_is_cut_short_is_refused(copied: Path) -> None:
+    copied.write_bytes(copied.read_bytes()[:-4000])
+    done = ran("verify", copied)
+    assert done.exit_code == 2
+    assert "damaged" in done.stderr
+
+
+def test_a_result_without_certificates_is_refused(tmp_path: Path) -> None:
+    result_of(tmp_path, CASE.replace("{certificate: true}", "{}"), "boundaries")
+    done = ran("verify", tmp_path / "case.h5")
+    assert done.exit_code == 2
+    assert "holds no certificates" in done.stderr
+
+
+class Interrupting(Reporter):
+    """Stops after the first part, or counts what there is to do."""
+
+    def __init__(self, stops: bool) -> None:
+        self.stops, self.done = stops, -1
+
+    def begin(self, method: str, points: int, done: int) -> None:
+        self.done = done
+
+    def advance(self, points: int, unstable: int, failed: int) -> None:
+        if self.stops:
+            raise KeyboardInterrupt
+
+
+def test_an_interrupted_run_goes_on_where_it_was(copied: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        verify(copied, 1, Interrupting(True))
+    again = Interrupting(False)
+    rows = verify(copied, 1, again)
+    assert again.done == min(16, rows[0].pieces)
+    assert not any(row.refused for row in rows)
+    assert not copied.with_name("case.h5.verified").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("{certificate: true}", "{certificate: true, modes: [1, 2]}", "whole system"),
+        ("contact_ratio: 1.5}", "waveform: {kind: fourier, sin: [1.0]}}", "constant between jumps"),
+    ],
+)
+def test_what_has_no_certificates_is_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
+    done = ran("check", written(tmp_path, CASE.replace(old, new)))
+    assert done.exit_code == 2
+    assert said in done.stderr
+
+
+def test_python_flint_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gearstab.methods.boundaries.find_spec", lambda name: None)
+    done = ran("sweep", written(tmp_path, CASE))
+    assert done.exit_code == 2
+    assert "gearstab[verify]" in done.stderr

@@ -1,0 +1,229 @@
+"""Matrices that act with a speed of rotation: from a configuration to multipliers, steady states, histories, run-ups.
+
+tests/data/gyroscopic_multipliers.json holds multipliers in forty digits (mpmath) of 14 random systems, rotors.json
+closed forms of whirling (mpmath).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+from driven import integrated_along, train
+
+import gearstab as gs
+from gearstab.config import ConfigError, load
+from gearstab.floquet import solve
+from gearstab.floquet.general.coordinates import elastic_forms
+from gearstab.methods import METHODS, OptionError
+from gearstab.propagation.path import Path
+from gearstab.response import driven_response, ramp_response, steady_state
+from gearstab.rotation import Rotation
+from gearstab.system import Feature, GearSystem, PeriodicTerm
+from gearstab.systems import build
+from gearstab.waveforms import Constant
+
+Array = np.ndarray
+DATA = FilePath(__file__).parents[1] / "data"
+RANDOM = json.loads((DATA / "gyroscopic_multipliers.json").read_text())["cases"]
+ROTORS = json.loads((DATA / "rotors.json").read_text())
+
+
+def section(system: dict[str, Any]) -> dict[str, Any]:
+    """A case of the reference as the section ``system``."""
+    names = {"gyroscopic": "gyroscopic", "circulatory_speed": "circulatory", "centripetal": "centripetal"}
+    found = {
+        "kind": "matrices",
+        "mass": system["mass"],
+        "stiffness": (np.array(system["stiffness"]) + np.array(system.get("circulatory", 0.0))).tolist(),
+        "meshes": system["meshes"],
+        "rotation": {"speed_ratio": system["speed_ratio"]}
+        | {new: system[old] for old, new in names.items() if old in system},
+    }
+    return found | ({"damping": system["damping"]} if "damping" in system else {})
+
+
+@pytest.mark.parametrize("case", RANDOM, ids=[case["name"] for case in RANDOM])
+def test_multipliers_of_random_systems(case: dict[str, Any]) -> None:
+    system = build(load({"system": section(case["system"])}).parameters)
+    points = case["points"]
+    found = solve(system, np.array([point["mesh_frequency"] for point in points]), exponents=True)
+    for k, point in enumerate(points):
+        expected = np.array([complex(*value) for value in point["multipliers"]])
+        gap = np.abs(np.exp(found.exponents[0, k] * point["common_period"])[:, None] - expected)
+        # Rounding of some ten products; the reference is right to all its digits.
+        assert max(gap.min(axis=0).max(), gap.min(axis=1).max()) < 1e-12 * max(1.0, np.abs(expected).max())
+        assert found.growth_rate[0, k] == pytest.approx(point["growth_rate"], abs=1e-12)
+
+
+def rotor(rotation: dict[str, Any], mass: Any, stiffness: Any, damping: Any = None, speed: float = 1.0) -> Array:
+    """Eigenvalues of a rotor at a held speed; its mesh has no weight."""
+    n = len(mass)
+    mesh = {"name": "mesh", "direction": [1.0] * n, "mean_stiffness": 1e-12, "epsilon": 0.0, "contact_ratio": 1.5}
+    system = {
+        "kind": "matrices", "mass": mass, "stiffness": stiffness, "meshes": [mesh],
+        "rotation": {"speed": speed, **rotation},
+    } | ({"damping": damping} if damping is not None else {})  # fmt: skip
+    (form,) = elastic_forms(build(load({"system": system}).parameters))
+    values = np.linalg.eigvals(form.generators(np.zeros(1))) * form.rate
+    return values[np.lexsort((values.real, values.imag))]
+
+
+def test_stodola_rotor() -> None:
+    own, given = ROTORS["stodola"], ROTORS["stodola"]["inputs"]
+    k11, k12, k22 = own["k11_N_m"], own["k12_N"], own["k22_N_m_rad"]
+    m, diametral, polar = given["m"], given["Id"], given["Ip"]
+    plane = np.array([[k11, k12], [k12, k22]])
+    stiffness = np.kron(np.eye(2), plane).tolist()
+    gyroscopic = np.zeros((4, 4))
+    gyroscopic[1, 3], gyroscopic[3, 1] = polar, -polar
+    for row in own["rows"]:
+        if row["speed_rad_s"] == 0:
+            continue
+        values = rotor(
+            {"gyroscopic": gyroscopic.tolist()}, np.diag([m, diametral, m, diametral]).tolist(), stiffness,
+            speed=row["speed_rad_s"],
+        )  # fmt: skip
+        np.testing.assert_allclose(values.real, 0.0, atol=1e-9)
+        # Whirl frequencies of both senses: forward ones rise with the speed.
+        np.testing.assert_allclose(values.imag[values.imag > 0], np.sort(np.abs(row["whirl_rad_s"])), rtol=1e-9)
+
+
+def test_rotating_damping_destabilises_above_a_speed() -> None:
+    given = ROTORS["internal_damping"]["inputs"]
+    m, k, still, turning = given["m"], given["k"], given["ce"], given["ci"]
+    for row in ROTORS["internal_damping"]["rows"]:
+        values = rotor(
+            {"circulatory": [[0, turning], [-turning, 0]]}, [[m, 0], [0, m]], [[k, 0], [0, k]],
+            [[still + turning, 0], [0, still + turning]], row["speed_rad_s"],
+        )  # fmt: skip
+        assert values.real.max() == pytest.approx(row["growth"], rel=1e-9)
+
+
+G = np.array([[0.0, 0.3, -0.2], [-0.3, 0.0, 0.4], [0.2, -0.4, 0.0]])
+H = np.array([[0.0, 0.1, 0.0], [-0.1, 0.02, 0.0], [0.05, 0.0, 0.0]])
+K = np.diag([-0.05, 0.02, -0.03])
+RATIO, OMEGA = Fraction(-2, 3), 1.31
+
+
+def turning() -> GearSystem:
+    return replace(train(Fraction(1, 2)), rotations=(Rotation(RATIO, gyroscopic=G, circulatory=H, centripetal=K),))
+
+
+def constant(omega: float) -> GearSystem:
+    """The same at one mesh frequency, made of constant parts that have nothing to do with a rotation."""
+    system, w = train(Fraction(1, 2)), float(RATIO) * omega
+    rows = [PeriodicTerm(f"h{i}", np.eye(3)[i], w * H[i], stiffness=Constant(np.array(1.0))) for i in range(3)]
+    stiffness = system.stiffness + w**2 * K
+    return replace(system, damping=system.damping + w * G, stiffness=stiffness, terms=tuple(rows))
+
+
+def test_a_constant_speed_is_constant_matrices() -> None:
+    omega = np.array([OMEGA, 2.2])
+    found = solve(turning(), omega, exponents=True)
+    for k, one in enumerate(omega):
+        expected = solve(constant(float(one)), omega[[k]], exponents=True)
+        np.testing.assert_allclose(found.exponents[0, k], expected.exponents[0, 0], atol=1e-12)
+    state, expected_state = (steady_state(s, OMEGA, 8) for s in (turning(), constant(OMEGA)))
+    np.testing.assert_allclose(state.displacement, expected_state.displacement, atol=1e-12)
+    history, expected_history = (
+        driven_response(s, OMEGA, np.array([0.1, 0.0, -0.2]), np.zeros(3), 12.0) for s in (turning(), constant(OMEGA))
+    )
+    np.testing.assert_allclose(history.displacement, expected_history.displacement, atol=1e-12)
+
+
+def test_a_speed_that_is_held_is_that_of_its_ratio() -> None:
+    held = replace(
+        turning(),
+        rotations=tuple(replace(r, speed_ratio=None, speed=float(RATIO) * OMEGA) for r in turning().rotations),
+    )
+    found, expected = (solve(s, np.array([OMEGA]), exponents=True).exponents for s in (held, turning()))
+    np.testing.assert_allclose(found, expected, atol=1e-13)
+
+
+def test_units_do_not_matter() -> None:
+    mass, stiffness = np.array(2.5), np.array(7.0)
+    time = float(np.sqrt(mass / stiffness))
+    for system in (
+        turning(),
+        replace(turning(), rotations=(replace(turning().rotations[0], speed_ratio=None, speed=1.7),)),
+    ):
+        found = solve(system.scaled(mass, stiffness), np.array([OMEGA * time]), exponents=True).exponents
+        np.testing.assert_allclose(found / time, solve(system, np.array([OMEGA]), exponents=True).exponents, atol=1e-12)
+
+
+def test_a_run_up_follows_the_speed() -> None:
+    path = Path.ramp(1.1, 1.6, 0.03)
+    found = ramp_response(turning(), path, 8)
+    start = np.concatenate([found.displacement[0], found.velocity[0]])
+    expected = integrated_along(turning(), path, found.time, start)
+    # Magnus steps and quadrature work to about 1e-9.
+    np.testing.assert_allclose(np.hstack([found.displacement, found.velocity]), expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", [n for n, m in METHODS.items() if Feature.ROTATION not in m.supports])
+def test_a_method_that_does_not_declare_it_refuses(name: str) -> None:
+    with pytest.raises(OptionError, match="speed of rotation"):
+        METHODS[name](None, turning()).require(METHODS[name].supports, METHODS[name].remedies)
+
+
+BASE: dict[str, Any] = section(RANDOM[0]["system"])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            {"gyroscopic": [[0, 1.0], [-1.1, 0]]},
+            "rotation.0.gyroscopic.0.1: must be skew: entry 0.1 is 1, entry 1.0 is -1.1",
+        ),
+        ({"gyroscopic": [[0.5, 1.0], [-1.0, 0]]}, "rotation.0.gyroscopic.0.0: must be skew"),
+        ({"centripetal": [[-1, 0.2], [0.1, -1]]}, "rotation.0.centripetal.0.1: must be symmetric"),
+        ({"gyroscopic": [[0, 1]]}, "rotation.0.gyroscopic: has 1 rows"),
+        ({"speed": "30 rpm"}, "rotation.0.speed: speed_ratio is given already"),
+        ({"speed_ratio": None}, "speed_ratio or speed is missing"),
+        ({"speed_ratio": 0.123456}, "the ratio must be exact"),
+        ({"gyroscopic": None}, "has no matrix"),
+    ],
+)
+def test_mistakes_get_a_line(change: dict[str, Any], said: str) -> None:
+    rotation = {key: value for key, value in (BASE["rotation"] | change).items() if value is not None}
+    with pytest.raises(ConfigError) as raised:
+        load({"system": BASE | {"rotation": rotation}})
+    assert said in str(raised.value)
+    assert len(raised.value.problems) == 1
+
+
+def test_from_a_file_to_a_map(tmp_path: FilePath) -> None:
+    own = RANDOM[0]["system"]
+    np.savez(tmp_path / "rotor.npz", M=own["mass"], K=own["stiffness"], G=own["gyroscopic"])
+    point = RANDOM[0]["points"][0]
+    text = f"""
+system:
+  kind: matrices
+  file: rotor.npz
+  rotation: {{speed_ratio: "{own["speed_ratio"]}"}}
+  meshes:
+    - {json.dumps(own["meshes"][0])}
+sweep: {{mesh_frequency: [{point["mesh_frequency"]}, 1.0]}}
+methods: {{floquet: {{}}}}
+"""
+    (tmp_path / "c.yaml").write_text(text)
+    tree = gs.sweep(gs.load(tmp_path / "c.yaml"))
+    assert tree["floquet/growth_rate"].values[0] == pytest.approx(point["growth_rate"], abs=1e-12)
+    (tmp_path / "d.yaml").write_text(text.replace(f'  rotation: {{speed_ratio: "{own["speed_ratio"]}"}}\n', ""))
+    with pytest.raises(ConfigError, match="holds gyroscopic, and no speed of rotation"):
+        gs.load(tmp_path / "d.yaml")
+
+
+def test_a_matrix_that_is_not_symmetric_is_doubted() -> None:
+    system = BASE | {"stiffness": [[1.0, 0.3], [0.2, 2.0]], "damping": [[0.1, 0.0], [0.0, 0.1]]}
+    (doubt,) = load({"system": system}).doubts
+    assert str(doubt).startswith(
+        "configuration: system.stiffness.0.1: is not symmetric: entry 0.1 is 0.3, entry 1.0 is 0.2"
+    )
