@@ -65,7 +65,8 @@ class BuildKernel(build_ext):
             self.compiler.set_library_dirs(given.library_dirs)
         system = ["-DMS_WIN64"] if os.name == "nt" else ["-fPIC"]
         self.compiler.set_executables(
-            compiler_so=[*zig, *system, "-fno-sanitize=undefined", "-DNDEBUG", "-fwrapv"], linker_so=[*zig, "-shared"]
+            compiler_so=[*zig, *system, "-fno-sanitize=undefined", "-DNDEBUG", "-fwrapv"],
+            linker_so=[*zig, "-shared", "-s"],
         )
 
     def get_libraries(self, ext: Extension) -> list[str]:

@@ -358,7 +358,7 @@ KEYS = ("digest", "key", "tongues", "chunks", "points", "unstable", "failed", "f
 @settings(max_examples=200)
 @given(key=st.sampled_from(KEYS), value=HEADER_VALUES, where=st.integers(0, 200), octet=st.integers(0, 255))
 def test_a_part_of_any_header_is_one_or_is_ignored(key: str, value: Any, where: int, octet: int) -> None:
-    block = FinishedBlock("floquet-000000", (), {"x": [(0, 3)]}, 3, 1, 0, {"a": 1}, ("c",), held=b"abc")
+    block = FinishedBlock("floquet-000000", (), {"x": [(0, 3)]}, 3, 1, 0, {"a": 1}, held=b"abc")
     head = head_of(block, "d" * 64)
     data = head + block.held + checksum(head, block.held)
     path = Path("floquet-000000.part")

@@ -312,6 +312,8 @@ INLINE void solutions(struct actors *a, const struct conservative *p, int64_t ro
 }
 
 static int keep_shares(struct shares *kept, const struct share *found, int64_t count) {
+    if (count == 0)
+        return 0; /* there may be no room yet */
     if (kept->count + count > kept->room) {
         int64_t room = 2 * kept->room + count + 1024;
         struct share *moved = realloc(kept->share, (size_t)room * sizeof *moved);

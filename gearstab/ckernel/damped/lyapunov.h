@@ -102,7 +102,7 @@ INLINE void both_changed(const double *b, int64_t m, vec *x, vec *work) {
 /* result = x y for matrices of vectors. */
 INLINE void multiplied(const vec *x, const vec *y, int64_t m, vec *result) {
     for (int64_t i = 0; i < m; i++)
-        for (int64_t j = 0; j < m; j++) {
+        UNROLLED for (int64_t j = 0; j < m; j++) {
             vec sum = x[i * m] * y[j];
             UNROLLED for (int64_t k = 1; k < m; k++)
                 sum += x[i * m + k] * y[k * m + j];

@@ -42,23 +42,23 @@ INLINE void matrix_exponential(vec *a, int64_t m, vec *e, vec *work) {
     vec *square = work, *cube = work + m * m, *fourth = work + 2 * m * m, *other = work + 3 * m * m;
     vec count = halvings(a, m), shifted = 0x1.8p52 - count;
     vec part = (vec)(((bits)shifted + 1023) << 52);
-    for (int64_t i = 0; i < m * m; i++)
+    UNROLLED for (int64_t i = 0; i < m * m; i++)
         a[i] = a[i] * part;
     multiplied(a, a, m, square);
     multiplied(square, a, m, cube);
     multiplied(square, square, m, fourth);
-    for (int64_t i = 0; i < m * m; i++)
+    UNROLLED for (int64_t i = 0; i < m * m; i++)
         e[i] = TAYLOR[12] * fourth[i];
     add_terms(8, a, square, cube, m, e);
     for (int64_t from = 4; from >= 0; from -= 4) {
         multiplied(e, fourth, m, other);
-        for (int64_t i = 0; i < m * m; i++)
+        UNROLLED for (int64_t i = 0; i < m * m; i++)
             e[i] = other[i];
         add_terms(from, a, square, cube, m, e);
     }
     for (double done = 0; any(count > done); done++) {
         multiplied(e, e, m, other);
-        for (int64_t i = 0; i < m * m; i++)
+        UNROLLED for (int64_t i = 0; i < m * m; i++)
             e[i] = choose(count > done, other[i], e[i]);
     }
 }
@@ -69,7 +69,7 @@ INLINE vec magnus_steps(const struct steps *of, int64_t m, vec period, vec *x, v
     for (int64_t s = 0; s < of->count && !(s % RESCALE_EVERY == 0 && gearstab_stopped()); s++) {
         const double *c = of->coefficients + s * POWERS_OF_STEP * m * m;
         vec step = of->length[s] * period, taken = of->growth[s] * step;
-        for (int64_t i = 0; i < m * m; i++) {
+        UNROLLED for (int64_t i = 0; i < m * m; i++) {
             vec sum = all(c[(POWERS_OF_STEP - 1) * m * m + i]);
             UNROLLED for (int64_t k = POWERS_OF_STEP - 2; k >= 0; k--)
                 sum = sum * step + c[k * m * m + i];
@@ -79,7 +79,7 @@ INLINE vec magnus_steps(const struct steps *of, int64_t m, vec period, vec *x, v
             a[i * (m + 1)] -= taken;
         matrix_exponential(a, m, e, work + 2 * m * m);
         multiplied(e, x, m, a);
-        for (int64_t i = 0; i < m * m; i++)
+        UNROLLED for (int64_t i = 0; i < m * m; i++)
             x[i] = a[i];
         scale += taken;
         normalise(x, m, &scale);
