@@ -160,7 +160,7 @@ class Interrupting(Reporter):
     def __init__(self, stops: bool) -> None:
         self.stops, self.done = stops, -1
 
-    def begin(self, method: str, points: int, done: int) -> None:
+    def begin(self, method: str, points: int, done: int, seconds: float | None, together: int) -> None:
         self.done = done
 
     def advance(self, points: int, unstable: int, failed: int) -> None:
