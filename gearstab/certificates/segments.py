@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.certificates.equations import Segments
-from gearstab.propagation.schedule import schedule
 from gearstab.modal import mean_modes
+from gearstab.propagation.schedule import schedule
 from gearstab.system import Array, GearSystem
 
 

@@ -37,14 +37,3 @@ def unpacked(ends: Array, numbers: Array) -> list[Certificate]:
             Certificate(low, high, outside, float(line[1]), line[len(line) - m * m :].reshape(m, m), separators)
         )
     return found
-
-
-def union_length(ends: Array, start: float, stop: float) -> tuple[float, float]:
-    """How much of [start, stop] intervals ``(K, 2)`` cover, and the widest gap relative to where it is."""
-    at, covered, widest = start, 0.0, 0.0
-    for low, high in [*sorted(np.clip(ends, start, stop).tolist()), (stop, stop)]:
-        if low > at:
-            widest = max(widest, 2 * (low - at) / (low + at))
-        covered += max(0.0, high - max(low, at))
-        at = max(at, high)
-    return covered, widest

@@ -48,9 +48,19 @@ def describe(path: Path, unit: Sequence[str] = ()) -> dict[str, Any]:
             "title": root.get("title", ""),
             "provenance": {name: root[name] for name, _ in PROVENANCE if name in root},
             "unchanged": bool(is_sealed(path)),
+            "certificates": _certificates(stored),
             "axes": _coordinates(tree.to_dataset()),
             "groups": [_group(str(name), node.to_dataset(inherit=False)) for name, node in tree.children.items()],
         } | ({"jumps": jumps(tree)} if "branches" in tree.children else {})
+
+
+def _certificates(stored: xr.DataTree) -> str:
+    """What of the range has certificates, "" without any."""
+    from gearstab.certificates.shares import said
+
+    found = stored["boundaries"] if "boundaries" in stored.children else {}
+    names = ("certified_share", "uncertified_width")
+    return said(*(found[name].values for name in names)) if all(name in found for name in names) else ""
 
 
 def _group(name: str, dataset: xr.Dataset) -> dict[str, Any]:
@@ -119,6 +129,8 @@ def report(facts: dict[str, Any]) -> str:
     lines += [f"{text:<{width}}  {' '.join(known[name].split())}" for name, text in PROVENANCE if known.get(name)]
     if not facts["unchanged"]:
         lines.append(f"{'checksum':<{width}}  none: the file was changed after it was written, or is an old one")
+    if facts["certificates"]:
+        lines.append(f"{'certificates':<{width}}  {facts['certificates']}; gearstab verify proves them")
     lines += _listed("axes of the sweep", {}, facts["axes"], [])
     for group in facts["groups"]:
         sizes = ", ".join(f"{name} {size:,}" for name, size in group["dimensions"].items())

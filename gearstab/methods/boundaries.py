@@ -93,7 +93,8 @@ class BoundaryAnalysis(TongueMethod, Restricted):
     def _certified(self, found: Boundaries) -> dict[str, Array]:
         """The variables of certificates."""
         from gearstab.certificates.covering import certificates, states
-        from gearstab.certificates.stored import packed, union_length
+        from gearstab.certificates.shares import union_length
+        from gearstab.certificates.stored import packed
 
         m, (start, stop) = states(self.system), found.limits
         edges = [found.edges_of(row) for row in range(found.rows)]

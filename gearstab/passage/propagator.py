@@ -53,34 +53,26 @@ class Chunk:
 
 
 @dataclass(frozen=True)
-class FreeMotion:
+class FreeMotion(PhaseEquation):
     """The free motion of one row of a system along any path, exactly from edge to edge of what varies."""
-
-    equation: PhaseEquation
-
-    @property
-    def elastic(self) -> int:
-        """Number of elastic modes of the state, positions and velocities of each."""
-        moving = np.abs(self.equation.form.outlet[0]).max(axis=0) > 0
-        return int(np.count_nonzero(moving))
 
     def segments(self, path: Path) -> float:
         """Return about how many segments the path has."""
-        turns = float(path.phase[-1]) / self.equation.period
-        return turns * self._each * (1 if self.equation.exact else 8)
+        turns = float(path.phase[-1]) / self.period
+        return turns * self._each * (1 if self.exact else 8)
 
     @property
     def _each(self) -> int:
         """Segments of a common period."""
-        return len(self.equation.borders) - 1
+        return len(self.borders) - 1
 
     def count(self, path: Path) -> int:
         """Return how many segments the path has, between neighbouring edges of the schedule."""
-        return ceil(float(path.phase[-1]) / self.equation.period * (1 - 1e-14)) * self._each
+        return ceil(float(path.phase[-1]) / self.period * (1 - 1e-14)) * self._each
 
     def chunks(self, path: Path, step: int, first: int = 0, last: int | None = None) -> Iterator[Chunk]:
         """Yield the propagators over ``step`` segments each, from the segment ``first`` to the one before ``last``."""
-        last, size = self.count(path) if last is None else last, self.equation.form.size
+        last, size = self.count(path) if last is None else last, self.form.size
         most = max(1, ENTRIES // size**2)
         if step > most:
             for begin in range(first, last, step):
@@ -103,20 +95,20 @@ class FreeMotion:
 
     def _propagators(self, path: Path, first: int, last: int) -> tuple[Array, Array]:
         """``(S + 1,)`` and ``(S, m, m)``: the phases between segments and their propagators."""
-        equation, turn = self.equation, self.equation.period
-        edges, number = equation.borders, np.arange(first, last + 1)
+        turn = self.period
+        edges, number = self.borders, np.arange(first, last + 1)
         phase = np.minimum((number // self._each + edges[number % self._each]) * turn, path.phase[-1])
         inner = number[:-1] % self._each
-        if equation.exact:
+        if self.exact:
             lengths = (edges[inner + 1] - edges[inner]) * turn
             lengths = np.where(np.diff(phase) < (1 - 1e-6) * lengths, np.diff(phase), lengths)
-            durations = path.durations(phase, lengths) * equation.rate
-            return phase, equation.states.exponentials(equation.states.of[equation.occupied[inner]], durations)
-        begin, duration, ends = divided(path.moment(phase), equation.longest_step(path))
+            durations = path.durations(phase, lengths) * self.rate
+            return phase, self.states.exponentials(self.states.of[self.occupied[inner]], durations)
+        begin, duration, ends = divided(path.moment(phase), self.longest_step(path))
         middle = path.phase_at(begin + 0.5 * duration) / turn
-        found = np.empty((last - first, equation.form.size, equation.form.size))
-        segment, whole = 0, np.eye(equation.form.size)
-        maps = equation.magnus_maps(path, begin, duration, middle - np.floor(middle))
+        found = np.empty((last - first, self.form.size, self.form.size))
+        segment, whole = 0, np.eye(self.form.size)
+        maps = self.magnus_maps(path, begin, duration, middle - np.floor(middle))
         for (matrix, _), end in zip(maps, ends, strict=True):
             whole = matrix @ whole
             if end:
@@ -131,7 +123,7 @@ def motions(system: GearSystem) -> list[FreeMotion]:
     found: dict[int, FreeMotion] = {}
     for form in bases(system):
         for k, row in enumerate(form.rows):
-            found[int(row)] = FreeMotion(PhaseEquation(form.subset(np.array([k])), drive.subset(np.array([row]))))
+            found[int(row)] = FreeMotion(form.subset(np.array([k])), drive.subset(np.array([row])))
     return [found[row] for row in sorted(found)]
 
 
@@ -145,12 +137,11 @@ def swing(motion: FreeMotion) -> float:
 
     Of the eigenvalues of the stiffness matrices of all moments, relative to that of the mean mesh stiffness.
     """
-    equation, edges = motion.equation, motion.equation.borders
-    more = PROBES[:0] if equation.drive.exact else PROBES
+    edges, more = motion.borders, PROBES[:0] if motion.drive.exact else PROBES
     part = np.unique(np.concatenate([0.5 * (edges[1:] + edges[:-1]), more]))
-    generator = equation.generators(equation.along(part), 0.0)
+    generator = motion.generators(motion.along(part), 0.0)
     # The state is (w u, u', b'), and (w u)' = w u'.
-    count = motion.elastic
+    count = motion.form.elastic
     weight = np.diagonal(generator[0, :count, count : 2 * count])
     ratio = -generator[:, count : 2 * count, :count] / weight[:, None]
     values = np.linalg.eigvals(ratio).real if count else np.ones((1, 1))

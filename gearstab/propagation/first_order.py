@@ -189,11 +189,16 @@ class FirstOrder:
         """m."""
         return int(self.constant.shape[-1])
 
+    @property
+    def elastic(self) -> int:
+        """e, the number of modes whose position is in the state."""
+        return int(np.count_nonzero(np.abs(self.outlet[0]).max(axis=0)))
+
     def state(self, displacement: Array, velocity: Array, mass: Array) -> Array:
         """x ``(m,)`` of the first row from q and dq/dt ``(n,)``: by the mass matrix, by which modes are orthogonal."""
         rate = float(self.rate[0])
         modes = self.inlet[0] * rate**2
-        n = int(np.count_nonzero(np.abs(self.outlet[0]).max(axis=0)))
+        n = self.elastic
         weight = np.diagonal(self.constant[0, :n, n : 2 * n])
         x = modes @ mass @ velocity / rate
         x[:n] = weight * (modes[n : 2 * n] @ mass @ displacement)

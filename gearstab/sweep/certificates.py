@@ -18,7 +18,8 @@ import numpy as np
 
 from gearstab.certificates.equations import Segments, flow
 from gearstab.certificates.segments import segments
-from gearstab.certificates.stored import union_length, unpacked
+from gearstab.certificates.shares import union_length
+from gearstab.certificates.stored import unpacked
 from gearstab.certificates.verifier import Certificate, proves
 from gearstab.config import Config, ConfigError, load, parameters_at
 from gearstab.config.document.yaml import parse
@@ -59,7 +60,8 @@ def verify(path: Path, jobs: int, reporter: Reporter) -> list[ProvedRow]:
     notes = _Notes(path)
     parts = [(k, at) for k, row in enumerate(rows) for at in range(0, len(row.pieces), AT_ONCE)]
     count = {part: len(rows[part[0]].pieces[part[1] : part[1] + AT_ONCE]) for part in parts}
-    reporter.begin("certificates", sum(count.values()), sum(count[part] for part in parts if part in notes.proved))
+    done = sum(count[part] for part in parts if part in notes.proved)
+    reporter.begin("certificates", sum(count.values()), done, None, AT_ONCE * jobs)
     try:
         for part, found in _proved(rows, [part for part in parts if part not in notes.proved], jobs):
             notes.add(part, found)

@@ -57,6 +57,7 @@ class Summary:
     unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
     flags: by method, how many points carry each flag of ``status``. complete: whether the result was there already.
     searches: by method, what its searches for regions rest on.
+    certified: share of the mesh frequencies that has certificates, None without any.
     """
 
     points: int
@@ -67,6 +68,7 @@ class Summary:
     flags: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     complete: bool = False
     searches: Mapping[str, RegionSearches] = field(default_factory=dict)
+    certified: float | None = None
 
 
 def run(
@@ -332,6 +334,7 @@ def _summary(finished: Finished, reused: int) -> Summary:
         sum(block.failed for block in tells), {layout.method.name: finished.flags(layout) for layout in plan.layouts},
         False,
         {layout.method.name: _searches(finished, layout) for layout in plan.layouts if layout.gives("sampled_step")},
+        _certified(finished),
     )  # fmt: skip
 
 
@@ -340,3 +343,8 @@ def _searches(finished: Finished, layout: Layout) -> RegionSearches:
     known = (finished.rows(layout, name) for name in ("proved_share", "counted_share") if layout.gives(name))
     shares = (float(np.nanmean(own)) if np.isfinite(own).any() else None for own in known)
     return RegionSearches(layout.method.once()[1] * len(step), float(step.max()), int(coarse.sum()), *shares)
+
+
+def _certified(finished: Finished) -> float | None:
+    found = [finished.rows(own, "certified_share") for own in finished.plan.layouts if own.gives("certified_share")]
+    return float(np.mean(found)) if found else None

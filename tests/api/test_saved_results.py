@@ -55,9 +55,10 @@ def tree(pair: Path) -> xr.DataTree:
 
 def test_every_variable_of_every_method_is_in_memory_and_saved(tmp_path: Path) -> None:
     named = {line.strip().partition(":")[0] for line in EVERY.splitlines()}
-    config = written(tmp_path, EVERY + "".join(f"  {name}: {{}}\n" for name in METHODS if name not in named))
+    others = [name for name in METHODS if name not in named and name != "branches"]
+    config = written(tmp_path, EVERY + "".join(f"  {name}: {{}}\n" for name in others))
     every = gs.sweep(config, jobs=1)
-    assert set(METHODS) <= set(every.children)
+    assert {*METHODS} - {"branches"} <= set(every.children)  # branches are of systems with backlash
     for node in every.subtree:
         for name, item in node.to_dataset(inherit=False).variables.items():
             assert item.values.shape == item.shape, f"{node.path} {name}"

@@ -305,7 +305,7 @@ def test_boundaries_over_floquet_regions_with_lines_of_every_theory():
         edges = tree[group]["boundary_frequency"].values[5, :, -1]
         assert {round(e, 9) for e in edges} <= ends
     texts = [text.get_text() for text in artists["legend"].get_texts()]
-    assert texts == ["exact boundaries", "first order", "uncoupled modes", "unstable (Floquet)"]
+    assert texts == ["exact boundaries", "first order", "uncoupled modes", "exact, narrow", "unstable (Floquet)"]
 
 
 def styles(artists, *groups):
@@ -500,7 +500,7 @@ def four_axes():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"kind": "pie"}, ["pie", "map", "response"]),
+        ({"kind": "pie"}, ["pie", "map", "in all"]),
         ({"x": "speed"}, ["speed", "mesh_frequency", "epsilon", "phasing"]),
         ({"y": "speed"}, ["speed", "mesh_frequency"]),
         ({"x": "epsilon", "y": "epsilon"}, ["both epsilon"]),

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gearstab as gs
+from gearstab.propagation import bundles
 from gearstab.propagation.segment import States
-from gearstab.response.linear import bundles
 from gearstab.response.linear.periodic import harmonics
 from gearstab.response.linear.speeds import speed_response
 from gearstab.system import Array

@@ -15,7 +15,7 @@ from gearstab.config import Config
 from gearstab.design.judging import regions
 from gearstab.design.problem import Span
 from gearstab.floquet import solve
-from gearstab.floquet.boundaries import boundaries
+from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.floquet.boundaries.damped.proof import MODULI
 from gearstab.floquet.boundaries.damped.search import COARSEST, PURSUIT
 from gearstab.floquet.boundaries.solve import BUDGET
@@ -90,7 +90,7 @@ class State:
 
     regions: all that were found in and near the ranges. complete: whether these are all there are. verified: whether
     the remedies are. refuted: remedies of first order that exact search refuted. uncovered: what is neither proved nor
-    counted stable, "" where nothing is.
+    counted stable, "" where nothing is; and what has certificates, where these are asked for.
     """
 
     word: str
@@ -121,7 +121,7 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     uncovered, complete = None, search_work(system, *near) <= MOST_WORK
     if complete:
         own = boundaries(system, *near, regions.TOLERANCE, regions.FLOOR)
-        uncovered = own.uncovered()
+        uncovered = ". ".join(filter(None, (own.uncovered(), _certified(config, system, own))))
         edges = zip(own.lower.tolist(), own.upper.tolist(), own.members, strict=True)
         real = tuple((a, b, _label(a, b, members, rows.values())) for a, b, members in edges)
     else:
@@ -153,6 +153,19 @@ def search_work(system: GearSystem, low: float, high: float) -> float:
         total = float(frequency[np.array(part.modes) - 1].sum()) / part.copies
         work += CONTACT * (part.size + 1) * total * periods * part.segments * part.size**3
     return work
+
+
+def _certified(config: Config, system: GearSystem, found: Boundaries) -> str:
+    """What of the range has certificates, "" where they are not asked for."""
+    if config.methods.boundaries is None or not config.methods.boundaries.certificate:
+        return ""
+    from gearstab.certificates.covering import certificates
+    from gearstab.certificates.shares import said, union_length
+
+    (pieces,) = certificates(system, *found.limits, [found.edges_of(0)])
+    start, stop = found.limits
+    covered, widest = union_length(np.array([(piece.low, piece.high) for piece in pieces]), start, stop)
+    return said(np.array([covered / (stop - start)]), np.array([widest]))
 
 
 def _touches(lower: float, upper: float, spans: Sequence[Span]) -> bool:

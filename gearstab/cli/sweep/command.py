@@ -84,6 +84,9 @@ def command(
         tell(final_line(target, summary, time.perf_counter() - start))
         for line in remarks.searched(summary.searches):
             tell(line)
+        if summary.certified is not None:
+            part = remarks.percent(summary.certified)
+            tell(f"certificates: {part} of the mesh frequencies; gearstab verify proves them")
         for note in [] if summary.complete else remarks.notes(planned, summary):
             tell(f"note: {note}")
 

@@ -86,7 +86,7 @@ def draw_curves(ax: Axes, curves: Curves, colour: str) -> tuple[list[Line2D], li
     for kind, (_, marker) in MARKS.items():
         at = curves.kind == kind
         if at.any():
-            style = {"linestyle": "none", "marker": marker, "markersize": 3, "markerfacecolor": "white"}
+            style: dict[str, Any] = {"linestyle": "none", "marker": marker, "markersize": 3, "markerfacecolor": "white"}
             marks += ax.plot(curves.x[at], curves.y[at], color=colour, markeredgewidth=0.7, zorder=3, **style)
     arrows = []
     for k in np.flatnonzero((curves.jump != 0) & (curves.landing >= 0)):

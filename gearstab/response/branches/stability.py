@@ -61,6 +61,8 @@ def of_settled(laps: SectionMap, x: Array, omega: float, periods: int) -> Motion
         point = Curve(lambda x, omega: laps.lap(x, omega, periods), extent, 1.0).at(x, omega)
     except NoPoint:
         return None
+    lap = point.visit
+    assert isinstance(lap, Lap)
     if np.abs(point.x - x).max(initial=0.0) > NEAR * extent:
         return None
-    return stability(laps, point.visit, omega)
+    return stability(laps, lap, omega)

@@ -28,14 +28,13 @@ def factors(model: Dynamics, track: Track) -> Array:
     contacts, which = np.unique(track.contact, axis=0, return_inverse=True)
     made_of = [model.generators(contact) for contact in contacts]
     constant, parts = (np.stack(part)[np.ravel(which)] for part in zip(*made_of, strict=True))
-    kept = np.ix_(elastic(model), elastic(model))
-    m = model.size
-    constant, parts = constant[:, :m, :m][:, *kept], parts[:, :, :m, :m][:, :, *kept]
+    row, column = np.ix_(elastic(model), elastic(model))
+    constant, parts = constant[:, row, column], parts[:, :, row, column]
     generators = np.einsum("skj,sjab->skab", track.values, parts)
     generators[:, 0] += constant
     found = _flows(generators * track.length[:, None, None, None])
     ends = np.flatnonzero(track.mesh >= 0)
-    jumps = _saltations(model, track[ends])[:, *kept]
+    jumps = _saltations(model, track[ends])[:, row, column]
     return np.insert(found, ends + 1, jumps, axis=0)
 
 

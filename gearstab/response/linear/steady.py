@@ -18,11 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.floquet.kernel.c_kernel import chained
+from gearstab.propagation.bundles import Bundle, bundles
 from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import Excitation, excitation
 from gearstab.propagation.first_order import FirstOrder, bases
 from gearstab.propagation.intervals import SteadyPoints
-from gearstab.response.linear.bundles import Bundle, bundles, monodromy
 from gearstab.response.measures.panels import fastest
 from gearstab.system import Array, GearSystem
 
@@ -127,12 +128,24 @@ def period_map(points: SteadyPoints) -> tuple[Array, Array]:
     matrix, shift = np.tile(np.eye(m), (count, 1, 1)), np.zeros((count, m))
     for part in bundles(points):
         if isinstance(part, Bundle):
-            matrix = matrix if known is not None else part.across() @ matrix
             shift = part.through(shift)[1]
         else:
             p, push = part.across()
             matrix, shift = p @ matrix, np.einsum("kij,kj->ki", p, shift) + push
     return matrix if known is None else known, shift
+
+
+def monodromy(points: SteadyPoints) -> Array | None:
+    """M ``(K, m, m)`` by the compiled kernel; None where a state has no eigenvectors."""
+    equation, q = points.equation, points.equation.occupied
+    eigen = equation.states.eigen if equation.drive.exact and equation.form.size else None
+    if eigen is None:
+        return None
+    fractions = np.diff(equation.edges, axis=1)[:, q]
+    values, vectors, inverse = (np.swapaxes(part, 0, 1) for part in (eigen.values, eigen.vectors, eigen.inverse))
+    cycles = equation.drive.cycles
+    cycle = points.period / (2 * np.pi * cycles)
+    return chained(cycles, fractions, equation.states.of[q], values, vectors, inverse, points.at, cycle)
 
 
 def unbalanced(drive: Excitation, basis: FirstOrder) -> Array:

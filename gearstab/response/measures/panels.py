@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.propagation.bundles import Bundle, Course, bundles
 from gearstab.propagation.intervals import Interval, SteadyPoints
-from gearstab.response.linear.bundles import Bundle, Course, bundles
 from gearstab.response.measures.extremes import BETWEEN, HERMITE, NODES, RATES, extremes
 from gearstab.system import Array
 

@@ -12,6 +12,7 @@ from backlash_pairs import CASES
 from gearstab import plots
 from gearstab.config import ConfigError, load
 from gearstab.info import result
+from gearstab.info.jumps import jumps
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
 
@@ -113,18 +114,14 @@ def test_info_names_the_jumps(swept: Path) -> None:
 
 def test_input_speeds_jump_in_rpm(tmp_path: Path) -> None:
     """An axis in rad/s of the input shaft is told in rpm: 20 teeth."""
-    import xarray
-
-    from gearstab.info.jumps import jumps
-
-    speed = xarray.DataArray([10.0, 20.0], dims="input_speed", attrs={"units": "rad/s", "mesh_frequency_factor": 20.0})
-    root = xarray.Dataset(coords={"input_speed": speed})
-    group = xarray.Dataset({
+    speed = xr.DataArray([10.0, 20.0], dims="input_speed", attrs={"units": "rad/s", "mesh_frequency_factor": 20.0})
+    root = xr.Dataset(coords={"input_speed": speed})
+    group = xr.Dataset({
         "jump": ("point", [0, 1]), "landing": ("point", [-1, -1]),
         "branch_frequency": ("point", [300.0, 314.159265358979]),
         "transmission_error_rms": (("point", "mesh"), [[1.0], [2.0]], {"units": "m"}),
     }, coords={"mesh": ["first"]})  # fmt: skip
-    (found,) = jumps(xarray.DataTree.from_dict({"/": root, "branches": group}))
+    (found,) = jumps(xr.DataTree.from_dict({"/": root, "branches": group}))
     assert found["speed"] == pytest.approx(150.0)
     assert (found["unit"], found["direction"], found["after"]) == ("rpm", "rising", None)
 

@@ -51,15 +51,6 @@ class Bundle:
         """``(Q, K, meshes)``."""
         return np.asarray(self.points.excitation.split(self.points.equation.middles[self.q])[0][:, self.points.at])
 
-    def across(self) -> Array:
-        """Return what all of them make of the state together, ``(K, m, m)``."""
-        growth = np.exp(self.eigen.values[self.state] * self.duration[..., None])
-        product: Array = np.eye(growth.shape[-1])[None]
-        for k, state in enumerate(self.state):
-            scaled = self.eigen.vectors[state] * growth[k][:, None, :]
-            product = (scaled @ (self.eigen.inverse[state] @ product)).real
-        return product
-
     def through(self, x: Array) -> tuple[Course, Array]:
         """Return the course that begins with x ``(K, m)``, and the state at its end."""
         drive = self._drive()
@@ -147,18 +138,3 @@ def bundles(points: SteadyPoints) -> Iterator[Bundle | Interval]:
     whole = Bundle(points, q, Eigen(*merged), equation.states.of[q, None] * rows + own, begin, length)
     at_once = max(1, ENTRIES // max(1, len(at) * m * (1 + equation.drive.width)))
     yield from (whole.some(slice(i, i + at_once)) for i in range(0, len(q), at_once))
-
-
-def monodromy(points: SteadyPoints) -> Array | None:
-    """M ``(K, m, m)`` by the compiled kernel; None where a state has no eigenvectors."""
-    equation, q = points.equation, points.equation.occupied
-    eigen = equation.states.eigen if equation.drive.exact and equation.form.size else None
-    if eigen is None:
-        return None
-    from gearstab.floquet.kernel.c_kernel import chained
-
-    fractions = np.diff(equation.edges, axis=1)[:, q]
-    values, vectors, inverse = (np.swapaxes(part, 0, 1) for part in (eigen.values, eigen.vectors, eigen.inverse))
-    cycles = equation.drive.cycles
-    cycle = points.period / (2 * np.pi * cycles)
-    return chained(cycles, fractions, equation.states.of[q], values, vectors, inverse, points.at, cycle)

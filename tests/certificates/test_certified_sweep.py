@@ -13,17 +13,25 @@ from scenes import TRAIN, ran, result_of, written
 
 pytest.importorskip("flint")
 
+from gearstab.cli.report.facts import state_of
+from gearstab.config import load
+from gearstab.design.problem import Span
+from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.sweep import Reporter
 from gearstab.sweep.certificates import verify
+from gearstab.systems import build
 
-CASE = TRAIN.replace("tooth_ratio: 1\n", "tooth_ratio: 1\n  damping_ratio: 0.01\n") + """\
+CASE = (
+    TRAIN.replace("tooth_ratio: 1\n", "tooth_ratio: 1\n  damping_ratio: 0.01\n")
+    + """\
 sweep:
   mesh_frequency: [2.2, 2.9]
   epsilon: [0.1, 0.3]
 methods:
   boundaries: {certificate: true}
 """
+)
 """At epsilon 0.3 a region from 2.63 to 2.73."""
 
 
@@ -66,6 +74,32 @@ def test_pieces_agree_with_the_regions(stored: Path) -> None:
         there = np.isfinite(middle)
         assert np.array_equal(outside[there] > 0, inside[there])
     assert (found["certificate"].values[:, 1, 0] > 0).any()
+
+
+def test_info_says_how_much_has_certificates(stored: Path) -> None:
+    line = next(line for line in ran("info", stored).stdout.splitlines() if line.startswith("certificates"))
+    share = float(line.split()[1])
+    assert 99.9 < share < 100
+    assert "no part without is wider than" in line
+
+
+def test_a_map_hatches_what_has_certificates(stored: Path) -> None:
+    with open_result(stored) as tree:
+        figure, _ = draw(tree, "boundaries")
+        share = float(tree["boundaries"]["certified_share"].mean())
+    (legend,) = figure.legends
+    (label,) = [text.get_text() for text in legend.get_texts() if "certified" in text.get_text()]
+    assert label == f"certified, {100 * share:.2f} % of the range"
+    hatched = [item for item in figure.axes[0].collections if item.get_hatch()]
+    # Pieces that follow one another are one patch: at epsilon 0.3 one before, in and after the region, at 0.1 one.
+    assert [len(item.get_paths()) for item in hatched] == [4]
+
+
+def test_a_report_says_how_much_has_certificates(stored: Path) -> None:
+    config = load(stored.with_name("case.yaml"))
+    system = build(config.parameters)
+    state = state_of("present", system, (Span(2.3, 2.5, 1.0, 1.0),), config)
+    assert "of the mesh frequencies have certificates" in state.uncovered
 
 
 def row_and_piece(file: h5py.File) -> tuple[int, int]:
