@@ -49,26 +49,6 @@ class BuildKernel(build_ext):
         with suppress(OSError):
             os.remove(self.get_ext_fullpath(ext.name))
 
-    def use_zig(self) -> None:
-        """Take zig's compiler where there is no other, and in place of Microsoft's.
-
-        Windows is untried: its Python needs to be told the size of a pointer by compilers that are not Microsoft's.
-        """
-        given = self.compiler
-        microsoft = given.compiler_type == "msvc"
-        zig = compiler.zig_instead_of([] if microsoft else given.compiler_so)
-        if not zig:
-            return
-        if microsoft:
-            self.compiler = new_compiler(compiler="unix")
-            self.compiler.set_include_dirs(given.include_dirs)
-            self.compiler.set_library_dirs(given.library_dirs)
-        system = ["-DMS_WIN64"] if os.name == "nt" else ["-fPIC"]
-        self.compiler.set_executables(
-            compiler_so=[*zig, *system, "-fno-sanitize=undefined", "-DNDEBUG", "-fwrapv"],
-            linker_so=[*zig, "-shared", "-s"],
-        )
-
     def get_libraries(self, ext: Extension) -> list[str]:
         """Name the library of Python on Windows, where others than Microsoft's compiler must be told."""
         if os.name != "nt":
@@ -77,7 +57,7 @@ class BuildKernel(build_ext):
 
     def build_extension(self, ext: Extension) -> None:
         """Build one extension, or say why not."""
-        self.use_zig()
+        self.compiler: Any = with_zig(vars(self)["compiler"])
         # Python's own flags ask for debug sections, three quarters of the library. Vectors are passed within a file
         # only, so that the convention for passing them does not matter. -O3 takes half as long again to build, for a
         # speed that differs by no more than the clock does, but for lists of exponents (10 %).
@@ -94,6 +74,27 @@ class BuildKernel(build_ext):
                 f"gearstab: its kernel cannot be compiled ({reason}): "
                 "it needs GCC, Clang or the package ziglang, and the headers of Python"
             ) from None
+
+
+def with_zig(given: Any) -> Any:
+    """Return zig's compiler where there is no other, and in place of Microsoft's; else the given one.
+
+    Windows is untried: its Python must be told the size of a pointer by compilers that are not Microsoft's.
+    """
+    microsoft = given.compiler_type == "msvc"
+    zig = compiler.zig_instead_of([] if microsoft else given.compiler_so)
+    if not zig:
+        return given
+    chosen: Any = new_compiler(compiler="unix") if microsoft else given
+    if microsoft:
+        chosen.set_include_dirs(given.include_dirs)
+        chosen.set_library_dirs(given.library_dirs)
+    system = ["-DMS_WIN64"] if os.name == "nt" else ["-fPIC"]
+    chosen.set_executables(
+        compiler_so=[*zig, *system, "-fno-sanitize=undefined", "-DNDEBUG", "-fwrapv"],
+        linker_so=[*zig, "-shared", "-s"],
+    )
+    return chosen
 
 
 def side_by_side(compile_files: Callable[..., list[str]]) -> Callable[..., list[str]]:
