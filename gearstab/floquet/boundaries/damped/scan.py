@@ -159,24 +159,33 @@ def _extrema(scan: Scan, floor: float) -> tuple[Array, Array]:
 def _corners(scan: Scan, floor: float) -> list[tuple[Array, Array]]:
     """Where g may fall below zero between two samples above it, as one solution takes over from another as the fastest:
     where the lines through the two samples on either side meet below zero, and in the middle, where the unstable
-    solutions differ.
+    solutions differ. And where it may rise above zero between two samples below: these lines bound it there, as far as
+    it is concave, and a parabola does not, where it is steep on one side only.
     """
     r, x, g = scan.row, scan.x, scan.growth
     if len(r) < 4:
         return []
+    sharp = [_meeting(r, x, g, SHARPNESS, floor), _meeting(r, x, -g, OPTIMISM, floor)]
+    pairs = np.flatnonzero((r[1:] == r[:-1]) & (g[1:] > 0) & (g[:-1] > 0) & (np.diff(x) > floor))
+    middle = 0.5 * (x[pairs] + x[pairs + 1])
+    pairs, middle = (part[scan.within(r[pairs], middle)] for part in (pairs, middle))
+    differ = ~scan.vectors.agree(scan.cover.samples, scan.order[pairs], scan.order[pairs + 1])
+    return [*sharp, (r[pairs[differ]], middle[differ])]
+
+
+def _meeting(r: Array, x: Array, g: Array, hope: float, floor: float) -> tuple[Array, Array]:
+    """Where lines through the two samples on either side of two positive ones meet, if ``hope`` times the fall that
+    they promise crosses zero.
+    """
     b, c, low = x[1:-2], x[2:-1], np.minimum(g[1:-2], g[2:-1])
     above = (r[3:] == r[:-3]) & (low > 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         left, right = (g[1:-2] - g[:-3]) / (b - x[:-3]), (g[3:] - g[2:-1]) / (x[3:] - c)
         meet = (g[2:-1] - g[1:-2] + left * b - right * c) / (left - right)
         value = g[1:-2] + left * (meet - b)
-    sharp = above & (meet > b) & (meet < c) & (low < SHARPNESS * (low - value)) & (c - b > floor)
+    sharp = above & (meet > b) & (meet < c) & (low < hope * (low - value)) & (c - b > floor)
     place = np.clip(meet, b + INSIDE * (c - b), c - INSIDE * (c - b))
-    pairs = np.flatnonzero((r[1:] == r[:-1]) & (g[1:] > 0) & (g[:-1] > 0) & (np.diff(x) > floor))
-    middle = 0.5 * (x[pairs] + x[pairs + 1])
-    pairs, middle = (part[scan.within(r[pairs], middle)] for part in (pairs, middle))
-    differ = ~scan.vectors.agree(scan.cover.samples, scan.order[pairs], scan.order[pairs + 1])
-    return [(r[1:-2][sharp], place[sharp]), (r[pairs[differ]], middle[differ])]
+    return r[1:-2][sharp], place[sharp]
 
 
 class _Vectors:
