@@ -160,7 +160,7 @@ class SectionMap:
             found = dynamics(self.own, replace(self.motion, omega=parameter), self.teeth)
             kept = elastic(found)
             return Prepared(
-                self.own, parameter, found, timetable(found, self.tolerance), kept, np.eye(np.count_nonzero(kept))
+                self.own, parameter, found, timetable(found, self.tolerance), kept, np.eye(int(np.count_nonzero(kept)))
             )
         system, motion = self._driven(self.along(parameter))
         found = dynamics(system, motion, play(system))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -204,7 +204,7 @@ class BranchSearch:
         parent = len(self.found) - 1
         for number, motion in enumerate(branch.motions):
             if motion.kind == DOUBLING and motion.vector is not None:
-                for vector in motion.vector.T:
+                for vector in _directions(motion.vector):
                     doubled = self._doubled(motion, vector, branch.periods) if self._room() else None
                     if doubled is not None:
                         self._add(replace(doubled, parent=parent, leaves=number))
@@ -306,3 +306,19 @@ class BranchSearch:
             return self._lead(self.curve(periods).at(lap.end, value), periods) if periods else None
         except ArithmeticError:
             return None
+
+
+def _directions(space: Array) -> list[Array]:
+    """Directions ``(m,)`` in a null space ``(m, k)`` along which branches may leave: k = 1, its only one.
+
+    Of symmetric systems they leave along what keeps some of the symmetry: one part alone, or parts that move alike or
+    opposite to each other. Hence a basis of vectors with as many zeros as there can be, their sums and differences.
+    """
+    from scipy.linalg import qr
+
+    _, _, pivots = qr(space.T, pivoting=True)
+    sparse = space @ np.linalg.inv(space[pivots[: space.shape[1]]])
+    sparse /= np.linalg.norm(sparse, axis=0)
+    pairs = combinations(range(space.shape[1]), 2)
+    both = [sparse[:, i] + sign * sparse[:, j] for i, j in pairs for sign in (1, -1)]
+    return [*sparse.T, *(vector / np.linalg.norm(vector) for vector in both)]

@@ -4,6 +4,7 @@ limit, and a smoothed gap by another program.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -150,6 +151,26 @@ def test_without_loss_of_contact_the_branch_is_the_linear_steady_state() -> None
     peak = [motion.cycle.force_peak[0] for motion in branch.motions]
     np.testing.assert_allclose(rms, linear.transmission_error_rms[0, :, 0], rtol=1e-10)
     np.testing.assert_allclose(peak, linear.mesh_force_peak[0, :, 0], rtol=1e-8)
+
+
+def test_a_symmetric_system_loses_stability_twice_at_once() -> None:
+    """Two equal pairs: both multipliers are -1 together, and branches leave by one pair alone, or by both."""
+    one = pair(ALWAYS)
+    mesh = one.meshes[0]
+    meshes = tuple(replace(mesh, name=name, direction=g) for name, g in zip("ab", np.eye(2), strict=True))
+    two = replace(
+        one, mass=np.eye(2), stiffness=np.zeros((2, 2)), damping=0.1 * np.eye(2), load=np.full(2, 0.5), meshes=meshes,
+        coordinates=("a", "b"),
+    )  # fmt: skip
+    found = BranchSearch(SectionMap(two), StepLimits(1.7, 2.0, most=300), switch=True).run(Starts((1.75,)))
+    (doubling,) = [motion for motion in found[0].motions if motion.kind == DOUBLING]
+    assert doubling.parameter == pytest.approx(1.831451230890225, abs=1e-11)
+    assert doubling.multiplicity == 2
+    doubled = [branch for branch in found if branch.parent == 0]
+    lost = [tuple(branch.motions[3].cycle.contact_loss > 0) for branch in doubled]
+    assert sorted(lost) == [(False, True), (True, False), (True, True), (True, True)]
+    in_step = [np.ptp(branch.motions[3].cycle.rms) < 1e-9 for branch in doubled]
+    assert sum(in_step) == 2
 
 
 class Smoothed:

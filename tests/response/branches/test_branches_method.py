@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from backlash_pairs import CASES
+from backlash_pairs import CASES, pair
 
 from gearstab import plots
+from gearstab.bench.branches import branch_cost
 from gearstab.config import ConfigError, load
 from gearstab.info import result
 from gearstab.info.jumps import jumps
@@ -169,4 +170,15 @@ def test_branches_along_another_axis(tmp_path: Path) -> None:
     _, artists = plots.draw(found)
     (marks,) = artists["marks"]
     np.testing.assert_allclose(np.sort(np.asarray(marks.get_xdata(), dtype=float)), folds)
-    assert [jump["of"] for jump in result.describe(out)["jumps"]] == ["scaled"] * len(artists["arrows"])
+    jumps_found = result.describe(out)["jumps"]
+    assert {jump["of"] for jump in jumps_found} == {"scaled"}
+    # One leads out of the range.
+    assert len(artists["arrows"]) == sum(jump["after"] is not None for jump in jumps_found) == len(jumps_found) - 1
+
+
+def test_bench_measures_branches() -> None:
+    cost = branch_cost(pair(CASES[0]), 0.6, 0.8, points=40, cycles=100)
+    assert 0 < cost.motions <= 40
+    assert cost.along > 0
+    assert cost.on > 0
+    assert f"branches: {cost.motions} motions" in cost.text(100)
