@@ -17,6 +17,8 @@ from gearstab.info import result
 from gearstab.info.jumps import jumps
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
+from gearstab.sweep.compute import compute
+from gearstab.sweep.storage.verify import fits
 
 SYSTEM = """
 system:
@@ -182,3 +184,13 @@ def test_bench_measures_branches() -> None:
     assert cost.along > 0
     assert cost.on > 0
     assert f"branches: {cost.motions} motions" in cost.text(100)
+
+
+@pytest.mark.parametrize(
+    "text", [CONFIG.replace("start: 0.55", "start: 0.95"), SYSTEM + OVER.replace("start: 2.0", "start: 3.9")]
+)
+def test_finished_blocks_are_taken_up_again(tmp_path: Path, text: str) -> None:
+    """What a sweep that was interrupted has finished counts: its parts hold what they may, where nothing is too."""
+    prepared = plan(load(configured(tmp_path, text)))
+    block = next(prepared.layout("branches").blocks())
+    assert fits(prepared, block, compute(prepared, block))
