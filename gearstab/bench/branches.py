@@ -9,6 +9,7 @@ import numpy as np
 
 from gearstab.response.backlash.speeds import speed_cycles
 from gearstab.response.branches.continuation import StepLimits
+from gearstab.response.branches.sections import SectionMap
 from gearstab.response.branches.solve import BranchSearch, Starts
 from gearstab.system import GearSystem
 
@@ -39,7 +40,7 @@ class BranchCost:
 def branch_cost(system: GearSystem, low: float, high: float, points: int = 300, cycles: float = 200) -> BranchCost:
     """Measure both over a range of mesh frequencies, of a system with backlash."""
     begin = process_time()
-    search = BranchSearch(system, StepLimits(low, high, points), switch=False)
+    search = BranchSearch(SectionMap(system), StepLimits(low, high, points), switch=False)
     search.run(Starts(tuple(np.linspace(low, high, STARTS).tolist()), cycles=cycles))
     middle = process_time()
     speed_cycles(system, np.linspace(low, high, SPEEDS), cycles=cycles)

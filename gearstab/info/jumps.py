@@ -14,20 +14,21 @@ RPM = "rpm"
 
 
 def jumps(tree: xr.DataTree) -> list[dict[str, Any]]:
-    """Return the jumps of all systems, in the order of the axes, then of the speed.
+    """Return the jumps of all systems, in the order of the axes, then of the value.
 
-    speed: as the axis is shown, an input speed in rpm. before, after: root mean squares of the transmission error, of
-    the mesh where it changes most; after is None where it is not known what follows.
+    value: of the axis along which motions were followed, as it is shown, an input speed in rpm. before, after: root
+    mean squares of the transmission error, of the mesh where it changes most; after is None where that is not known.
     """
     import numpy as np
 
     from gearstab.config.model.units import scale
-    from gearstab.results.display import FACTOR, SPEEDS
+    from gearstab.results.display import FACTOR, SHOWN_SCALE, SPEEDS
 
     data = tree["branches"].to_dataset()
-    speed = next(tree[name] for name in SPEEDS if name in tree.coords)
-    factor, unit = float(speed.attrs.get(FACTOR, 1.0)), str(speed.attrs.get("units", "1"))
-    if speed.name == SPEEDS[1]:
+    own = "branch_value" in data
+    axis = tree[str(data.attrs["over"])] if own else next(tree[name] for name in SPEEDS if name in tree.coords)
+    factor, unit = float(axis.attrs.get(SHOWN_SCALE if own else FACTOR, 1.0)), str(axis.attrs.get("units", "1"))
+    if axis.name == SPEEDS[1]:
         factor, unit = factor * scale(RPM, "rad/s") / scale(unit, "rad/s"), RPM
     found = []
     for index in np.argwhere(data["jump"].values != 0):
@@ -40,12 +41,13 @@ def jumps(tree: xr.DataTree) -> list[dict[str, Any]]:
         axes = [name for name in row if name in data.coords and name != "point"]
         found.append({
             "at": {name: data[name].values[row[name]].item() for name in axes},
-            "speed": float(here["branch_frequency"]) / factor, "unit": "" if unit == "1" else unit,
+            "of": str(axis.name), "value": float(here["branch_value" if own else "branch_frequency"]) / factor,
+            "unit": "" if unit == "1" else unit,
             "direction": "rising" if int(here["jump"]) > 0 else "falling",
             "mesh": str(data["mesh"].values[mesh]), "before": float(before[mesh]),
             "after": None if after is None else float(after[mesh]), "measured_in": str(data[MEASURE].attrs["units"]),
         })  # fmt: skip
-    return sorted(found, key=lambda jump: ([str(value) for value in jump["at"].values()], jump["speed"]))
+    return sorted(found, key=lambda jump: ([str(value) for value in jump["at"].values()], jump["value"]))
 
 
 def text(found: list[dict[str, Any]]) -> list[str]:
@@ -53,10 +55,10 @@ def text(found: list[dict[str, Any]]) -> list[str]:
     if not found:
         return ["no jumps: no stable motion ends within the range"]
     own = "" if found[0]["measured_in"] == "1" else f" ({found[0]['measured_in']})"
-    head = ["speed", "in", *found[0]["at"], "mesh", f"rms error before{own}", f"after{own}"]
+    head = [found[0]["of"], "as it is", *found[0]["at"], "mesh", f"rms error before{own}", f"after{own}"]
     rows = [
         [
-            f"{jump['speed']:.6g} {jump['unit']}".strip(), f"{jump['direction']} speed",
+            f"{jump['value']:.6g} {jump['unit']}".strip(), jump["direction"],
             *(f"{value:.6g}" if isinstance(value, float) else str(value) for value in jump["at"].values()),
             jump["mesh"], f"{jump['before']:.4g}", "not known" if jump["after"] is None else f"{jump['after']:.4g}",
         ]

@@ -118,6 +118,17 @@ class Method(ABC):
         """Return the same method for another system, or a batch of systems."""
         return type(self)(self.options, system)
 
+    def made_of(self, parameters: Mapping[str, Any]) -> Method:
+        """Return the same method for the system of these parameters, the section ``system``."""
+        from gearstab.systems import build
+
+        return self.of(build(dict(parameters)))
+
+    @property
+    def left_out(self) -> str:
+        """The axis of the sweep over which it does not stand, besides that of the mesh frequency; "" for none."""
+        return ""
+
     @abstractmethod
     def variables(self) -> tuple[Variable, ...]:
         """Return what it computes, coordinates included."""

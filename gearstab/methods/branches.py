@@ -2,28 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
+from gearstab.config.model.axes import SPEEDS, Axis, replaced
 from gearstab.config.model.fields import Flag, Quantity, Section, Whole
-from gearstab.methods.base import RANGE, Method, OptionError, Outcome
-from gearstab.results.variables import Variable, flagged
+from gearstab.methods.base import POINTS, RANGE, Method, OptionError, Outcome
+from gearstab.results.variables import GRID, ROWS, Variable, flagged
 from gearstab.results.variables.responses import BRANCHES
-from gearstab.system import Array, Feature
+from gearstab.system import Array, Feature, GearSystem
+
+if TYPE_CHECKING:
+    from pathlib import Path as FilePath
+
+    from gearstab.config.document.yaml import Document
+    from gearstab.response.branches.sections import SectionMap
 
 
 class BranchesOptions(Section):
-    """Periodic motions with backlash as curves over the mesh frequency, through folds."""
+    """Periodic motions with backlash as curves over the mesh frequency or another axis, through folds."""
 
-    starts: list[Annotated[float, Field(gt=0), Quantity("rad/s")]] | None = Field(
+    over: str | None = Field(
+        default=None,
+        title="over",
+        description="Axis of numbers of the sweep along which motions are followed; default the mesh frequency.",
+    )
+    starts: list[float] | None = Field(
         default=None,
         min_length=1,
         max_length=1000,
         title="starts",
-        description="Mesh frequencies at which motions are looked for by running on; default five over the range.",
+        description="Values of the axis at which motions are looked for by running on; default five over the range.",
     )
     states: Annotated[int, Field(ge=1, le=1000), Whole] = Field(
         default=1,
@@ -45,13 +58,25 @@ class BranchesOptions(Section):
     longest_step: Annotated[float, Field(gt=0, le=1), Quantity()] = Field(
         default=0.05,
         title="longest step",
-        description="Between motions, relative to the range of mesh frequencies and the extent of a motion (1).",
+        description="Between motions, relative to the range of the axis and the extent of a motion (1).",
     )
     largest: Annotated[float, Field(gt=1, le=1e6), Quantity()] = Field(
         default=10.0,
         title="largest motion",
         description="Extent, relative to that of the first motion, at which a branch ends (1).",
     )
+    _axis: Axis | None = PrivateAttr(default=None)
+
+    @property
+    def axis(self) -> Axis | None:
+        """Return the axis along which motions are followed, None for the mesh frequency."""
+        return self._axis
+
+    def along(self, axis: Axis) -> BranchesOptions:
+        """Return the options with their axis."""
+        other = self.model_copy()
+        other._axis = axis
+        return other
 
 
 class BranchAnalysis(Method):
@@ -67,6 +92,27 @@ class BranchAnalysis(Method):
     STARTS: ClassVar[int] = 5
     """Mesh frequencies at which motions are looked for, if not said otherwise."""
 
+    @classmethod
+    def on(cls, options: BranchesOptions, system: GearSystem) -> Method:
+        return (cls if options.axis is None else AxisBranches)(options, system)
+
+    @classmethod
+    def completed(
+        cls, options: BranchesOptions, document: Document, source: FilePath, axes: Sequence[Axis]
+    ) -> BranchesOptions:
+        """Return the options with the axis that they name."""
+        if options.over is None:
+            return options
+        found = next((axis for axis in axes if axis.name == options.over), None)
+        if found is not None and found.mesh_frequency is not None:
+            return options
+        if found is not None and not isinstance(found.values, list) and found.span[0] < found.span[1]:
+            return options.along(found)
+        message = "is no axis of the sweep" if found is None else "is no axis of numbers that differ"
+        document.report(("methods", cls.name, "over"), "needs_other", message, "name an axis of numbers of sweep",
+                        value=options.over)  # fmt: skip
+        return options
+
     def variables(self) -> tuple[Variable, ...]:
         from gearstab.response.branches.solve import BRANCH_FLAGS
 
@@ -80,19 +126,25 @@ class BranchAnalysis(Method):
         }
 
     def run(self, mesh_frequency: Array) -> Outcome:
+        from gearstab.response.branches.sections import SectionMap
+
+        low, high = (float(end) for end in mesh_frequency)
+        found = self.followed(SectionMap(self.system), low, high)
+        return Outcome({name: values[None] for name, values in found.items()})
+
+    def followed(self, laps: SectionMap, low: float, high: float) -> dict[str, Array]:
+        """Return the branches of a system within a range, by variable."""
         from gearstab.response.branches.continuation import StepLimits
         from gearstab.response.branches.solve import BranchSearch, Starts
         from gearstab.response.branches.table import table
 
-        low, high = (float(end) for end in mesh_frequency)
         own = self.options
         values = np.linspace(low, high, self.STARTS) if own.starts is None else np.clip(own.starts, low, high)
         limits = StepLimits(low, high, own.points, longest=own.longest_step, largest=own.largest)
         starts = Starts(tuple(values.tolist()), own.states, own.cycles, own.seed)
-        search = BranchSearch(self.system, limits, own.switch)
+        search = BranchSearch(laps, limits, own.switch)
         search.run(starts)
-        arranged = table(search, own.points, 2 * self.system.size, len(self.system.meshes))
-        return Outcome({name: values[None] for name, values in vars(arranged).items()})
+        return dict(vars(table(search, own.points, 2 * self.system.size, len(self.system.meshes))))
 
     @property
     def fewest(self) -> int:
@@ -113,4 +165,50 @@ class BranchAnalysis(Method):
 
     @classmethod
     def over_range(cls, options: BranchesOptions) -> str:
-        return "over which motions are followed"
+        return "over which motions are followed" if options.over in (None, *SPEEDS) else ""
+
+
+class AxisBranches(BranchAnalysis):
+    """The same along another axis, at every mesh frequency; the results do not stand over that axis."""
+
+    frequency = POINTS
+    parameters: Mapping[str, Any]
+
+    @property
+    def left_out(self) -> str:
+        return str(self.options.over)
+
+    def variables(self) -> tuple[Variable, ...]:
+        axis = self.options.axis
+        own = Variable("branch_value", (GRID, "point"), "f8", axis.units, axis.long_name)
+        return tuple(
+            own if v.name == "branch_frequency" else replace(v, dims=tuple(GRID if d == ROWS else d for d in v.dims))
+            for v in super().variables()
+        )
+
+    def made_of(self, parameters: Mapping[str, Any]) -> Method:
+        found = super().made_of(parameters)
+        assert isinstance(found, AxisBranches)
+        found.parameters = parameters
+        return found
+
+    def at(self, value: float) -> GearSystem:
+        """Return the system at a value of the axis, between its points by straight lines."""
+        from gearstab.systems import build
+
+        axis, parameters = self.options.axis, self.parameters
+        order = np.argsort(axis.values)
+        for item in axis.assignments:
+            number = np.interp(value, np.asarray(axis.values)[order], np.asarray(item.values)[order])
+            parameters = replaced(parameters, item.path, float(number))
+        return build(dict(parameters))
+
+    def run(self, mesh_frequency: Array) -> Outcome:
+        from gearstab.response.branches.sections import SectionMap
+
+        low, high = self.options.axis.span
+        found = []
+        for omega in mesh_frequency.tolist():
+            found.append(self.followed(SectionMap(self.at(low), along=self.at, omega=omega), low, high))
+            found[-1]["branch_value"] = found[-1].pop("branch_frequency")
+        return Outcome({name: np.stack([one[name] for one in found])[None] for name in found[0]})

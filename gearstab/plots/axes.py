@@ -239,6 +239,11 @@ def sweep_axes(tree: xr.DataTree) -> dict[str, FigureAxis]:
             for dim in variable.dims:
                 axis = axis_of(dataset, str(dim), meshes)
                 axes[axis.name] = joined(axes[axis.name], axis) if axis.name in axes else axis
+    root = tree.to_dataset()
+    for name in map(str, root.coords):
+        # Over which branches are followed: no variable stands over it.
+        if axes and root[name].dims == (name,) and name not in {*axes, *SPEEDS}:
+            axes[name] = axis_of(root, name, meshes)
     if axes and not any(name in axes for name in SPEEDS):
         spanned = spanned_frequency(tree, meshes)
         axes[spanned.name] = spanned

@@ -110,18 +110,18 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
     """Run a method on rows of one structure."""
     if isinstance(layout.method, SampledMethod):
         return run_sampled(plan, layout.method, rows, count, columns)
-    one = layout.method.singly
-    system = build(parameters_at(plan.config, {k: index[0] for k, index in rows.items()} if one else varied(rows)))
     frequency = np.zeros(0)
     if layout.method.frequency == POINTS:
         frequency = plan.mesh_frequency(rows, columns)
-        if one:
-            frequency = np.ravel(frequency)
-        elif frequency.ndim == 2 and system.batch != (count,):
-            # Nothing but the mesh frequency differs from row to row.
-            system = system.over((count,))
     elif layout.method.frequency == RANGE:
         frequency = np.array(plan.mesh_frequency_range)
+    if layout.method.singly:
+        parameters = parameters_at(plan.config, {name: index[0] for name, index in rows.items()})
+        return layout.method.made_of(parameters).run(np.ravel(frequency))
+    system = build(parameters_at(plan.config, varied(rows)))
+    if frequency.ndim == 2 and system.batch != (count,):
+        # Nothing but the mesh frequency differs from row to row.
+        system = system.over((count,))
     return layout.method.of(system).run(frequency)
 
 

@@ -202,6 +202,7 @@ def plan(config: Config) -> Plan:
 
 def _layout(config: Config, fast: Axis | None, method: Method) -> Layout:
     axes = [axis for axis in config.axes if axis is not fast or method.frequency == POINTS]
+    axes = [axis for axis in axes if axis.name != method.left_out]
     shape = tuple(axis.size for axis in axes)
     cost = method.cost()
     wanted = MOST / cost

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import curve
 from gearstab.plots.motions.speeds import scale
 from gearstab.plots.view import Request, View, view_along
-from gearstab.results.display import SPEEDS
+from gearstab.results.display import SHOWN_SCALE, SPEEDS
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -33,6 +34,8 @@ WORDS = {
     "transmission_error_peak_to_peak": "transmission error, peak to peak",
 }
 """Names that fit beside the axis."""
+VALUE = "branch_value"
+"""The variable that holds the value of the axis, of branches along another one than the mesh frequency."""
 MARKS = {1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s")}
 """Kinds of points that are marked: what they are called, and how they look."""
 DASHED = (0, (3, 1.6))
@@ -50,13 +53,13 @@ def read_branches(tree: xr.DataTree, variable: str) -> xr.Dataset:
 
 
 class Curves:
-    """The branches of one system over what is drawn: x, y, and what is known of every point."""
+    """The branches of one system over what is drawn: x, in units of it, y, and what is known of every point."""
 
-    def __init__(self, dataset: xr.Dataset, view: View, variable: str) -> None:
+    def __init__(self, dataset: xr.Dataset, view: View, variable: str, unit: float) -> None:
         def values(name: str) -> Array:
             return view.cut(dataset[name], "point")
 
-        self.x = values("branch_frequency") / (view.factor or 1.0)
+        self.x = values(VALUE if VALUE in dataset else "branch_frequency") / unit
         self.y, self.branch = values(variable).astype(float), values("branch")
         self.stable, self.kind = values("motion_stable") == 1, values("kind")
         self.jump, self.landing = values("jump"), values("landing")
@@ -100,17 +103,19 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure: ``lines``, ``marks`` and ``arrows``, of one system or a few."""
     variable = request.variable or MEASURE
     dataset = read_branches(tree, variable)
-    speed = next(name for name in SPEEDS if name in sweep_axes(tree))
-    dims = dict.fromkeys([speed, *(d for d in map(str, dataset[variable].dims) if d not in INNER), "mesh"])
-    view = view_along(tree, dims, request, dataset)
-    if view.x.name != speed:
-        raise PlotError(f"branches are drawn over {speed}, not over {view.x.name}")
+    axes = sweep_axes(tree)
+    along = str(dataset.attrs["over"]) if VALUE in dataset else next(name for name in SPEEDS if name in axes)
+    dims = dict.fromkeys([along, *(d for d in map(str, dataset[variable].dims) if d not in INNER), "mesh"])
+    view = view_along(tree, dims, replace(request, x=request.x or along), dataset)
+    if view.x.name != along:
+        raise PlotError(f"branches are drawn over {along}, not over {view.x.name}")
+    unit = float(tree[along].attrs.get(SHOWN_SCALE, 1.0)) if VALUE in dataset else view.factor or 1.0
     cases, note = some(view.free, len(CASES), "curves", request.partial)
     figure, ax = new_frame(request, (0.66, 0.4))
     artists: Artists = {"lines": [], "marks": [], "arrows": []}
     handles = []
     for number, case in enumerate(cases):
-        drawn = draw_curves(ax, Curves(dataset, view.at(**case), variable), CASES[number])
+        drawn = draw_curves(ax, Curves(dataset, view.at(**case), variable, unit), CASES[number])
         for name, found in zip(artists, drawn, strict=True):
             artists[name] += found
         if len(cases) > 1:

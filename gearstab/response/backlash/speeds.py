@@ -11,7 +11,7 @@ from gearstab.modal import mean_modes
 from gearstab.propagation.first_order import bases
 from gearstab.response.backlash.contact import resting
 from gearstab.response.backlash.history import BACKLASH_FLAGS, Recording
-from gearstab.response.backlash.measure import LimitCycle, Meter
+from gearstab.response.backlash.measure import LimitCycle, Meter, elastic
 from gearstab.response.branches.sections import SectionMap
 from gearstab.response.branches.stability import MotionStability, of_settled
 from gearstab.response.linear.driven import driven
@@ -89,7 +89,7 @@ def speed_cycles(
     status = np.where(growth > 0, BACKLASH_FLAGS["unstable"], 0) | flags
     start = equilibrium, rest
     for k in np.argsort(-omega if down else omega, kind="stable"):
-        model, _, kept = laps.model(float(omega[k]))
+        model = laps.at(float(omega[k])).model
         period = model.motion.period
         run = Recording(model, 1, periods + 1, Meter(model, left_out * period, periods * period))
         run.follow(model.motion.state(*start), tolerance)
@@ -101,7 +101,7 @@ def speed_cycles(
         if cycle is not None and cycle.contact_loss.any():
             status[k] |= BACKLASH_FLAGS["separation"]
         if cycle is not None and cycle.period:
-            stabilities[k] = of_settled(laps, run.x[-1][kept], float(omega[k]), cycle.period)
+            stabilities[k] = of_settled(laps, run.x[-1][elastic(model)], float(omega[k]), cycle.period)
         q, v = model.motion.physical(run.x[-1])
         start = _elastic(system, q), v
     return _table(found, _multipliers(stabilities, 2 * system.size), status, static_mesh_force(system))

@@ -32,12 +32,14 @@ TURN, GENTLE = 0.3, 0.08
 """Radians between two tangents: beyond the former a step is halved, below the latter the next one is longer."""
 KINK = 1e-4
 """A step as short as that, in the units of the curve, may turn by more: at a grazing motion the curve has a kink."""
+SINGULAR = 1e-11
+"""Singular values below this part of the largest one are none."""
 OUTSIDE = 1e-9
 """Excess of the magnitude of a multiplier over 1 from which on it counts as outside."""
 VERTICAL = 1e-7
 """Part of a tangent along the parameter below which a curve with a multiplier 1 goes straight up: linear motions of any
 amplitude at one parameter."""
-SAME = 1e-6
+SAME = 1e-4
 """Two multipliers that cross within this part of a step cross together."""
 
 FOLD, DOUBLING, NEIMARK_SACKER, BRANCHING = "fold", "period_doubling", "Neimark_Sacker", "branch_point"
@@ -152,10 +154,8 @@ class Curve:
                 break
             least = min(size, least)
             matrix = np.block([[visit.derivative - np.eye(m), slope[:, None]], [normal[None]]])
-            try:
-                step = np.linalg.solve(matrix, -np.append(residual, 0.0))
-            except np.linalg.LinAlgError:
-                break
+            # Least squares: where two multipliers are 1 at once, nothing is done along the second direction.
+            step = np.linalg.lstsq(matrix, -np.append(residual, 0.0), rcond=SINGULAR)[0]
             x, parameter = x + self.unit * step[:m], parameter + self.span * float(step[m])
         raise NoPoint
 

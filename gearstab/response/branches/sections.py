@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 
@@ -9,12 +10,12 @@ import numpy as np
 
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.propagation.first_order import bases
-from gearstab.response.backlash.contact import play
+from gearstab.response.backlash.contact import play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
 from gearstab.response.backlash.follow import Chatter, Timetable, Track, follow, timetable
 from gearstab.response.backlash.measure import LimitCycle, Meter, elastic
 from gearstab.response.branches.variation import factors
-from gearstab.response.linear.driven import driven
+from gearstab.response.linear.driven import Driven, driven
 from gearstab.response.linear.periodic import balanced
 from gearstab.system import Array, GearSystem
 
@@ -23,7 +24,10 @@ ROUNDING = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Lap:
-    """A motion from the elastic state ``start (m,)`` over some common periods to ``end``."""
+    """A motion from the elastic state ``start (m,)`` over some common periods to ``end``.
+
+    basis: ``(m, m)``, elastic states of the model from such ones.
+    """
 
     model: Dynamics
     periods: int
@@ -31,11 +35,13 @@ class Lap:
     end: Array
     track: Track
     tolerance: float
+    basis: Array
 
     @cached_property
     def factors(self) -> Array:
         """``(F, m, m)``, whose product is the derivative."""
-        return factors(self.model, self.track)
+        own = factors(self.model, self.track)
+        return np.concatenate([self.basis[None], own, np.linalg.inv(self.basis)[None]])
 
     @cached_property
     def derivative(self) -> Array:
@@ -58,7 +64,8 @@ class Lap:
         """``(periods + 1, m)``, the elastic states at the beginnings of the common periods and at the end."""
         begins = np.flatnonzero(np.diff(self.track.period, prepend=-1))
         kept = elastic(self.model)
-        return np.concatenate([self.track.powers[begins, 0, : self.model.size][:, kept], self.end[None]])
+        own = self.track.powers[begins, 0, : self.model.size][:, kept]
+        return np.concatenate([np.linalg.solve(self.basis, own.T).T, self.end[None]])
 
     @property
     def grazing(self) -> bool:
@@ -90,36 +97,95 @@ class Lap:
         return float(condition * (rounding + difference))
 
 
-class SectionMap:
-    """Laps of a single system at any mesh frequency; the part of a load that accelerates the train is left out.
+@dataclass(frozen=True)
+class Prepared:
+    """A system at a value of the parameter.
 
-    tolerance: of the motion where functions vary smoothly, relative, in a piece of it.
+    system: without the part of its load that accelerates the train;  omega: mesh frequency.
+    model, table: the equations of motion, and what varies in them.  elastic: which states are.
+    basis: ``(m, m)``, elastic states of it from those of the whole map.
     """
 
-    def __init__(self, system: GearSystem, tolerance: float = 1e-12) -> None:
-        self.system, self.tolerance = system, tolerance
+    system: GearSystem
+    omega: float
+    model: Dynamics
+    table: Timetable
+    elastic: Array
+    basis: Array
+
+    def rest(self) -> Array:
+        """The elastic state ``(m,)`` of the static equilibrium on the flanks, of the whole map."""
+        q = resting(self.system, self.model.teeth)
+        return self.state(q, np.zeros_like(q))
+
+    def state(self, displacement: Array, velocity: Array) -> Array:
+        """The elastic state of q and dq/dt ``(n,)``, of the whole map."""
+        own = self.model.motion.state(displacement, velocity)[self.elastic]
+        return np.asarray(np.linalg.solve(self.basis, own))
+
+    def physical(self) -> tuple[Array, Array]:
+        """q and dq/dt ``(m, n)`` of every elastic state of its own."""
+        return self.model.motion.physical(np.eye(self.model.size)[self.elastic])
+
+
+class SectionMap:
+    """Laps of a single system at any mesh frequency, or at one while another parameter varies.
+
+    States are elastic ones of the system itself, also where the modes change with the parameter. The part of a load
+    that accelerates the train is left out.
+
+    tolerance: of the motion where functions vary smoothly, relative, in a piece of it.
+    along: the system by the parameter, where that is not the mesh frequency, which then is ``omega``.
+    """
+
+    def __init__(
+        self,
+        system: GearSystem,
+        tolerance: float = 1e-12,
+        along: Callable[[float], GearSystem] | None = None,
+        omega: float = 1.0,
+    ) -> None:
+        self.tolerance, self.along, self.omega = tolerance, along, omega
+        self.own, self.motion = self._driven(system)
         self.teeth = play(system)
-        self._motion = driven(balanced(system, next(bases(system))), 1.0)
-        self.model = lru_cache(maxsize=4)(self._model)
+        self.at = lru_cache(maxsize=4)(self._at)
 
-    def _model(self, omega: float) -> tuple[Dynamics, Timetable, Array]:
-        """The equations of motion at a mesh frequency, what varies in them, and which states are elastic."""
-        motion = replace(self._motion, omega=omega)
-        found = dynamics(self.system, motion, self.teeth)
-        return found, timetable(found, self.tolerance), elastic(found)
+    def _driven(self, system: GearSystem) -> tuple[GearSystem, Driven]:
+        held = balanced(system, next(bases(system)))
+        return held, driven(held, self.omega)
 
-    def lap(self, start: Array, omega: float, periods: int = 1) -> Lap:
+    def _at(self, parameter: float) -> Prepared:
+        """The system at a value of the parameter."""
+        if self.along is None:
+            found = dynamics(self.own, replace(self.motion, omega=parameter), self.teeth)
+            kept = elastic(found)
+            return Prepared(
+                self.own, parameter, found, timetable(found, self.tolerance), kept, np.eye(int(np.count_nonzero(kept)))
+            )
+        system, motion = self._driven(self.along(parameter))
+        found = dynamics(system, motion, play(system))
+        kept = elastic(found)
+        basis = np.column_stack([motion.state(*pair)[kept] for pair in zip(*self._reference.physical(), strict=True)])
+        return Prepared(system, self.omega, found, timetable(found, self.tolerance), kept, basis)
+
+    @cached_property
+    def _reference(self) -> Prepared:
+        """The system itself, whose states are those of the map."""
+        return SectionMap(self.own, self.tolerance).at(self.omega)
+
+    def lap(self, start: Array, parameter: float, periods: int = 1) -> Lap:
         """Follow the motion from the elastic state at the beginning of a common period.
 
         Raises ArithmeticError where it outgrows double precision, or impacts come too many or too close.
         """
-        model, table, kept = self.model(float(omega))
+        own = self.at(float(parameter))
+        model, kept, basis = own.model, own.elastic, own.basis
         x = np.zeros(model.size)
-        x[kept] = start
+        x[kept] = basis @ start
         tracks: list[Track] = []
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                for track in follow(model, x, self.tolerance, table):
+                for track in follow(model, x, self.tolerance, own.table):
                     tracks.append(track)
                     if track.period[-1] >= periods:
                         break
@@ -127,13 +193,8 @@ class SectionMap:
             raise ArithmeticError("impacts come too many or too close") from error
         last = tracks[-1]
         until = int(np.argmax(last.period >= periods))
-        end = last.powers[until, 0, : model.size][kept]
-        return Lap(model, periods, start, end, joined([*tracks[:-1], last[:until]]), self.tolerance)
-
-    def elastic(self, displacement: Array, velocity: Array, omega: float) -> Array:
-        """The elastic state of q and dq/dt ``(n,)``."""
-        model, _, kept = self.model(float(omega))
-        return np.asarray(model.motion.state(displacement, velocity)[kept])
+        end = np.linalg.solve(basis, last.powers[until, 0, : model.size][kept])
+        return Lap(model, periods, start, end, joined([*tracks[:-1], last[:until]]), self.tolerance, basis)
 
 
 def joined(tracks: list[Track]) -> Track:

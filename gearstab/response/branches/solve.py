@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
-from gearstab.response.backlash.contact import resting
 from gearstab.response.backlash.history import BACKLASH_FLAGS
 from gearstab.response.backlash.measure import LimitCycle, repetition
 from gearstab.response.branches.continuation import (
@@ -24,7 +23,7 @@ from gearstab.response.branches.continuation import (
 )  # fmt: skip
 from gearstab.response.branches.sections import Lap, SectionMap
 from gearstab.response.branches.stability import MotionStability, stability
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array
 
 GRAZING = "grazing"
 KINDS = {"none": 0, FOLD: 1, DOUBLING: 2, NEIMARK_SACKER: 3, BRANCHING: 4, GRAZING: 5}
@@ -96,17 +95,17 @@ class Starts:
 
 
 class BranchSearch:
-    """The branches of one system over its mesh frequency.
+    """The branches of one system over its mesh frequency, or the parameter of its section map.
 
     limits: of every branch;  switch: whether to follow those that leave at period doublings.
     found: the branches;  unit: of the state, the extent of the first motion.
-    jumps: by branch and motion where a stable motion ends: 1 where it does in rising, -1 in falling speed, and the
-        branch and motion next to the one that follows, None where that is not known.
+    jumps: by branch and motion where a stable motion ends: 1 where it does as the parameter rises, -1 as it falls, and
+        the branch and motion next to the one that follows, None where that is not known.
     """
 
-    def __init__(self, system: GearSystem, limits: StepLimits, switch: bool) -> None:
-        self.laps, self.limits, self.switch = SectionMap(system), limits, switch
-        self.system, self.span = system, limits.high - limits.low
+    def __init__(self, laps: SectionMap, limits: StepLimits, switch: bool) -> None:
+        self.laps, self.limits, self.switch = laps, limits, switch
+        self.span = limits.high - limits.low
         self.unit = 1.0
         self.found: list[Branch] = []
         self.jumps: dict[tuple[int, int], tuple[int, tuple[int, int] | None]] = {}
@@ -118,13 +117,13 @@ class BranchSearch:
 
     def curve(self, periods: int) -> Curve:
         """The motions that repeat themselves after so many common periods."""
-        return Curve(lambda x, omega: self.laps.lap(x, omega, periods), self.unit, self.span)
+        return Curve(lambda x, value: self.laps.lap(x, value, periods), self.unit, self.span)
 
     def run(self, starts: Starts) -> list[Branch]:
         """Follow the branch of every start that is on none that is known, and of every doubling on the way."""
-        for omega, x, periods in self._settled(starts):
+        for value, x, periods in self._settled(starts):
             try:
-                point = self.curve(periods).at(x, omega)
+                point = self.curve(periods).at(x, value)
             except ArithmeticError:
                 continue
             self._lead(point, periods)
@@ -132,8 +131,8 @@ class BranchSearch:
             for k in range(len(branch.motions)):
                 sign, beyond = self._ends(number, k)
                 if sign:
-                    omega = branch.motions[k].parameter
-                    self.jumps[number, k] = sign, self._landing(beyond, omega, sign, starts.cycles)
+                    value = branch.motions[k].parameter
+                    self.jumps[number, k] = sign, self._landing(beyond, value, sign, starts.cycles)
         return self.found
 
     def _lead(self, point: Point, periods: int) -> tuple[int, int] | None:
@@ -147,30 +146,29 @@ class BranchSearch:
     def _room(self) -> bool:
         return self.points + 4 < self.limits.most and len(self.found) < MOST_BRANCHES
 
-    def _count(self, omega: float, cycles: float) -> int:
+    def _count(self, value: float, cycles: float) -> int:
         """Common periods in so many cycles of the first mesh."""
-        return max(2, int(np.ceil(cycles / self.laps.model(omega)[0].motion.drive.counts[0])))
+        return max(2, int(np.ceil(cycles / self.laps.at(value).model.motion.drive.counts[0])))
 
     def _settled(self, starts: Starts) -> Iterator[tuple[float, Array, int]]:
         """Mesh frequencies, states and common periods of motions that have come to repeat themselves."""
-        rest = resting(self.system, self.laps.teeth)
         random = np.random.default_rng(starts.seed)
-        for omega in starts.values:
-            equilibrium = self.laps.elastic(rest, np.zeros(self.system.size), omega)
-            count = self._count(omega, starts.cycles)
+        for value in starts.values:
+            equilibrium = self.laps.at(value).rest()
+            count = self._count(value, starts.cycles)
             for number in range(starts.states):
                 x = equilibrium
                 if number:
                     x = x + FAR * self.unit * random.uniform(-1, 1, len(x))
                 try:
-                    lap = self.laps.lap(x, omega, count)
+                    lap = self.laps.lap(x, value, count)
                 except ArithmeticError:
                     continue
                 if not number and not self.found:
                     self.unit = float(np.abs(lap.sections()[count // 2 :]).max(initial=0.0)) or 1.0
                 periods, _ = repetition(lap.sections())
                 if periods:
-                    yield omega, lap.end, periods
+                    yield value, lap.end, periods
 
     def _both_ways(self, start: Point, periods: int) -> Branch:
         down, first = self._one_way(start, np.append(np.zeros(len(start.x)), -1.0), periods, 1)
@@ -206,7 +204,7 @@ class BranchSearch:
         parent = len(self.found) - 1
         for number, motion in enumerate(branch.motions):
             if motion.kind == DOUBLING and motion.vector is not None:
-                for vector in motion.vector.T:
+                for vector in _directions(motion.vector):
                     doubled = self._doubled(motion, vector, branch.periods) if self._room() else None
                     if doubled is not None:
                         self._add(replace(doubled, parent=parent, leaves=number))
@@ -299,12 +297,28 @@ class BranchSearch:
 
     def _landing(self, x: Array, parameter: float, sign: int, cycles: float) -> tuple[int, int] | None:
         """Where the motion goes from a state beyond the end of stable ones; its branch may be a new one."""
-        omega = parameter + sign * BEYOND * self.span
-        if not self.limits.low <= omega <= self.limits.high:
+        value = parameter + sign * BEYOND * self.span
+        if not self.limits.low <= value <= self.limits.high:
             return None
         try:
-            lap = self.laps.lap(x * (1 + BEYOND), omega, self._count(omega, cycles))
+            lap = self.laps.lap(x * (1 + BEYOND), value, self._count(value, cycles))
             periods, _ = repetition(lap.sections())
-            return self._lead(self.curve(periods).at(lap.end, omega), periods) if periods else None
+            return self._lead(self.curve(periods).at(lap.end, value), periods) if periods else None
         except ArithmeticError:
             return None
+
+
+def _directions(space: Array) -> list[Array]:
+    """Directions ``(m,)`` in a null space ``(m, k)`` along which branches may leave: k = 1, its only one.
+
+    Of symmetric systems they leave along what keeps some of the symmetry: one part alone, or parts that move alike or
+    opposite to each other. Hence a basis of vectors with as many zeros as there can be, their sums and differences.
+    """
+    from scipy.linalg import qr
+
+    _, _, pivots = qr(space.T, pivoting=True)
+    sparse = space @ np.linalg.inv(space[pivots[: space.shape[1]]])
+    sparse /= np.linalg.norm(sparse, axis=0)
+    pairs = combinations(range(space.shape[1]), 2)
+    both = [sparse[:, i] + sign * sparse[:, j] for i, j in pairs for sign in (1, -1)]
+    return [*sparse.T, *(vector / np.linalg.norm(vector) for vector in both)]

@@ -85,7 +85,7 @@ def _method_group(finished: Finished, layout: Layout, beside: list[Field]) -> Gr
     values = {**tongue_coordinates(tongues), **layout.method.constants()}
     fields = []
     for variable in in_units_of(plan.base, layout.method.variables()):
-        resolved = variable.over(plan.grid, plan.rows)
+        resolved = variable.over(layout.dims, layout.dims)
         if variable.coordinate:
             if variable.name in values:
                 fields.append(Field(resolved, values[variable.name]))

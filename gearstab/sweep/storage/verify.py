@@ -123,7 +123,7 @@ def _allowed(variable: Variable, values: Array, tongues: int) -> bool:
         return not int(np.bitwise_or.reduce(values, axis=None)) & ~int(np.bitwise_or.reduce(said["flag_masks"]))
     if "flag_values" in said:
         return bool(np.isin(values, said["flag_values"]).all())
-    return bool((values >= 0).all())
+    return bool(((values >= 0) | (values == variable.fill)).all())
 
 
 def _counted(layout: Layout, block: GridBlock, part: FinishedBlock) -> bool:

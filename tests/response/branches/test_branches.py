@@ -4,6 +4,7 @@ limit, and a smoothed gap by another program.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -24,7 +25,7 @@ ALWAYS, CONTACT = CASES
 @cache
 def searched(number: int) -> BranchSearch:
     low, high = CASES[number]["branch_from_to"]
-    found = BranchSearch(pair(CASES[number]), StepLimits(low, high, most=1500), switch=True)
+    found = BranchSearch(SectionMap(pair(CASES[number])), StepLimits(low, high, most=1500), switch=True)
     found.run(Starts((0.7, 1.2)))
     return found
 
@@ -68,7 +69,7 @@ def test_known_motions_are_on_the_branches() -> None:
     for _, motion in MOTIONS[:19]:
         omega, periods = motion["mesh_frequency"], motion["periods"]
         x, v = motion["state_at_start_of_stiff_phase"]
-        point = found.curve(periods).at(found.laps.elastic(np.array([x]), np.array([v]), omega), omega)
+        point = found.curve(periods).at(found.laps.at(omega).state(np.array([x]), np.array([v])), omega)
         place = found.place(point, periods)
         assert place is not None, motion
         here = found.found[place[0]].motions[place[1]]
@@ -108,7 +109,7 @@ def test_unstable_motions_part_two_stable_ones() -> None:
     ends = []
     for sign in (1, -1):
         end = integrated(ALWAYS, omega, x + sign * 1e-4 * away, 60)
-        lap = laps.lap(laps.elastic(end[:1], end[1:], omega), omega)
+        lap = laps.lap(laps.at(omega).state(end[:1], end[1:]), omega)
         assert np.abs(lap.end - lap.start).max() < 1e-5
         ends.append(end)
     stable = np.array([m["state_at_start_of_stiff_phase"] for m in known if m["stable"]])
@@ -140,7 +141,7 @@ def integrated(case: dict[str, Any], omega: float, state: Array, periods: int) -
 def test_without_loss_of_contact_the_branch_is_the_linear_steady_state() -> None:
     """To 1e-10, with the load tenfold so that the teeth never part above 1.3."""
     case = ALWAYS | {"parameters": ALWAYS["parameters"] | {"load_F": 5.0}}
-    found = BranchSearch(pair(case), StepLimits(1.3, 1.7, most=100), switch=False)
+    found = BranchSearch(SectionMap(pair(case)), StepLimits(1.3, 1.7, most=100), switch=False)
     (branch,) = found.run(Starts((1.5,)))
     assert len(branch.motions) > 5
     omega = np.array([motion.parameter for motion in branch.motions])
@@ -150,6 +151,26 @@ def test_without_loss_of_contact_the_branch_is_the_linear_steady_state() -> None
     peak = [motion.cycle.force_peak[0] for motion in branch.motions]
     np.testing.assert_allclose(rms, linear.transmission_error_rms[0, :, 0], rtol=1e-10)
     np.testing.assert_allclose(peak, linear.mesh_force_peak[0, :, 0], rtol=1e-8)
+
+
+def test_a_symmetric_system_loses_stability_twice_at_once() -> None:
+    """Two equal pairs: both multipliers are -1 together, and branches leave by one pair alone, or by both."""
+    one = pair(ALWAYS)
+    mesh = one.meshes[0]
+    meshes = tuple(replace(mesh, name=name, direction=g) for name, g in zip("ab", np.eye(2), strict=True))
+    two = replace(
+        one, mass=np.eye(2), stiffness=np.zeros((2, 2)), damping=0.1 * np.eye(2), load=np.full(2, 0.5), meshes=meshes,
+        coordinates=("a", "b"),
+    )  # fmt: skip
+    found = BranchSearch(SectionMap(two), StepLimits(1.7, 2.0, most=300), switch=True).run(Starts((1.75,)))
+    (doubling,) = [motion for motion in found[0].motions if motion.kind == DOUBLING]
+    assert doubling.parameter == pytest.approx(1.831451230890225, abs=1e-11)
+    assert doubling.multiplicity == 2
+    doubled = [branch for branch in found if branch.parent == 0]
+    lost = [tuple(branch.motions[3].cycle.contact_loss > 0) for branch in doubled]
+    assert sorted(lost) == [(False, True), (True, False), (True, True), (True, True)]
+    in_step = [np.ptp(branch.motions[3].cycle.rms) < 1e-9 for branch in doubled]
+    assert sum(in_step) == 2
 
 
 class Smoothed:

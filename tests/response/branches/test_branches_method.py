@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
-from backlash_pairs import CASES
+from backlash_pairs import CASES, pair
 
 from gearstab import plots
+from gearstab.bench.branches import branch_cost
 from gearstab.config import ConfigError, load
 from gearstab.info import result
 from gearstab.info.jumps import jumps
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
+from gearstab.sweep.compute import compute
+from gearstab.sweep.storage.verify import fits
 
 SYSTEM = """
 system:
@@ -104,12 +108,12 @@ def test_the_figure_has_dashes_marks_and_arrows(tree: xr.DataTree) -> None:
 def test_info_names_the_jumps(swept: Path) -> None:
     facts = result.describe(swept)
     rows = [jump for jump in facts["jumps"] if jump["at"]["meshes.mesh.epsilon"] == 0.3]
-    assert [round(jump["speed"], 4) for jump in rows] == [0.6164, 0.6828, 0.7586, 0.7915]
+    assert [round(jump["value"], 4) for jump in rows] == [0.6164, 0.6828, 0.7586, 0.7915]
     assert [jump["direction"] for jump in rows] == ["falling", "falling", "rising", "rising"]
     assert rows[0]["after"] < rows[0]["before"]
     assert rows[-1]["after"] > rows[-1]["before"]
     text = result.report(facts)
-    assert "0.791468  rising speed" in text
+    assert re.search(r"0\.791468 +rising", text)
 
 
 def test_input_speeds_jump_in_rpm(tmp_path: Path) -> None:
@@ -122,16 +126,71 @@ def test_input_speeds_jump_in_rpm(tmp_path: Path) -> None:
         "transmission_error_rms": (("point", "mesh"), [[1.0], [2.0]], {"units": "m"}),
     }, coords={"mesh": ["first"]})  # fmt: skip
     (found,) = jumps(xr.DataTree.from_dict({"/": root, "branches": group}))
-    assert found["speed"] == pytest.approx(150.0)
+    assert found["value"] == pytest.approx(150.0)
     assert (found["unit"], found["direction"], found["after"]) == ("rpm", "rising", None)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [((", backlash: 2.0", ""), "no mesh has backlash"), (("  load: [0.5]\n", ""), "nothing drives the system"),
-     (("points: 200", "points: 3"), "points"), (("starts: [0.9]", "starts: [-1]"), "starts")],
+     (("points: 200", "points: 3"), "points"),
+     (("starts: [0.9]", "over: meshes.mesh.backlash"), "is no axis of the sweep")],
 )  # fmt: skip
 def test_what_is_refused(tmp_path: Path, change: tuple[str, str], message: str) -> None:
     assert change[0] in CONFIG
     with pytest.raises(ConfigError, match=message):
         plan(load(configured(tmp_path, CONFIG.replace(*change))))
+
+
+OVER = """
+sweep:
+  scaled: {targets: [meshes.mesh.mean_stiffness, load.0], start: 2.0, stop: 4.0, num: 3}
+  mesh_frequency: [1.3]
+methods:
+  branches: {over: scaled, starts: [3.9], points: 200, cycles: 60}
+"""
+
+
+def test_branches_along_another_axis(tmp_path: Path) -> None:
+    """Stiffness k and load F = 0.5 k: the pair at the mesh frequency 1.3/sqrt(k), with folds where that is one of its.
+
+    Modes change along the axis, so that states must be brought to those of one system.
+    """
+    text = SYSTEM.replace("load: [0.5]", "load: [1.0]").replace("backlash: 2.0", "backlash: 4.0") + OVER
+    out = tmp_path / "over.h5"
+    run(plan(load(configured(tmp_path, text))), out, jobs=1)
+    with open_result(out) as stored:
+        found = stored.load()
+    data = found["branches"].to_dataset()
+    assert data["branch_value"].dims == ("mesh_frequency", "point")
+    folds = np.sort(data["branch_value"].values[data["kind"].values == 1])
+    known = np.array([p["mesh_frequency"] for p in CASES[0]["special_points"] if p["kind"] == "fold"])
+    expected = np.sort((1.3 / known) ** 2)
+    np.testing.assert_allclose(folds, expected[(expected > 2) & (expected < 4)], rtol=1e-10)
+    there = data["branch"].values >= 0
+    assert (data["multiplier_error"].values[there] < 1e-8).all()
+    _, artists = plots.draw(found)
+    (marks,) = artists["marks"]
+    np.testing.assert_allclose(np.sort(np.asarray(marks.get_xdata(), dtype=float)), folds)
+    jumps_found = result.describe(out)["jumps"]
+    assert {jump["of"] for jump in jumps_found} == {"scaled"}
+    # One leads out of the range.
+    assert len(artists["arrows"]) == sum(jump["after"] is not None for jump in jumps_found) == len(jumps_found) - 1
+
+
+def test_bench_measures_branches() -> None:
+    cost = branch_cost(pair(CASES[0]), 0.6, 0.8, points=40, cycles=100)
+    assert 0 < cost.motions <= 40
+    assert cost.along > 0
+    assert cost.on > 0
+    assert f"branches: {cost.motions} motions" in cost.text(100)
+
+
+@pytest.mark.parametrize(
+    "text", [CONFIG.replace("start: 0.55", "start: 0.95"), SYSTEM + OVER.replace("start: 2.0", "start: 3.9")]
+)
+def test_finished_blocks_are_taken_up_again(tmp_path: Path, text: str) -> None:
+    """What a sweep that was interrupted has finished counts: its parts hold what they may, where nothing is too."""
+    prepared = plan(load(configured(tmp_path, text)))
+    block = next(prepared.layout("branches").blocks())
+    assert fits(prepared, block, compute(prepared, block))

@@ -34,7 +34,7 @@ def test_known_motions(case: dict[str, Any], motion: dict[str, Any]) -> None:
     """The reference is known to 3e-13; what is reported as the error is not below the true one."""
     laps, omega = SectionMap(pair(case)), motion["mesh_frequency"]
     x, v = motion["state_at_start_of_stiff_phase"]
-    lap = laps.lap(laps.elastic(np.array([x]), np.array([v]), omega), omega, motion["periods"])
+    lap = laps.lap(laps.at(omega).state(np.array([x]), np.array([v])), omega, motion["periods"])
     found = stability(laps, lap, omega)
     difference = np.abs(sorted_like(found.multipliers) - sorted_multipliers(motion)).max()
     assert difference < 1e-12
@@ -81,7 +81,7 @@ def test_derivatives_are_differences_of_the_section_map() -> None:
     rng, met = np.random.default_rng(37), 0
     while met < 50:
         laps, omega = SectionMap(random_system(rng)), rng.uniform(0.7, 3.0)
-        start = 0.7 * rng.standard_normal(len(laps.elastic(np.zeros(3), np.zeros(3), omega)))
+        start = 0.7 * rng.standard_normal(len(laps.at(omega).state(np.zeros(3), np.zeros(3))))
         lap = laps.lap(start, omega)
         speeds = np.abs(lap.track.speed[lap.track.mesh >= 0])
         # A grazing touch is a kink of the derivative, which differences smear.
@@ -101,16 +101,16 @@ def test_derivatives_are_those_of_integrated_motions(seed: int) -> None:
     teeth, laps, omega = play(system), SectionMap(system), 1.3
     q = np.random.default_rng(seed).standard_normal(2 * system.size)
     limits = np.stack([teeth.low, teeth.high], axis=1)
-    period = laps.model(omega)[0].motion.period
+    period = laps.at(omega).model.motion.period
 
     def image(start: Array) -> Array:
         (end,), _ = integrated_with_backlash(system, limits, omega, start, np.array([period]))
-        return laps.elastic(end[: system.size], end[system.size :], omega)
+        return laps.at(omega).state(end[: system.size], end[system.size :])
 
-    lap = laps.lap(laps.elastic(q[: system.size], q[system.size :], omega), omega)
+    lap = laps.lap(laps.at(omega).state(q[: system.size], q[system.size :]), omega)
     step, direction = 1e-4, np.random.default_rng(0).standard_normal(len(q))
     expected = (image(q + step * direction) - image(q - step * direction)) / (2 * step)
-    along = laps.elastic(direction[: system.size], direction[system.size :], omega)
+    along = laps.at(omega).state(direction[: system.size], direction[system.size :])
     np.testing.assert_allclose(image(q), lap.end, atol=1e-9)
     np.testing.assert_allclose(lap.derivative @ along, expected, atol=1e-6 * np.abs(expected).max())
 
@@ -131,7 +131,7 @@ def test_small_multipliers_are_not_lost_beside_large_ones() -> None:
              "meshes": [{"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.0, "contact_ratio": 1.5,
                          "backlash": 2.0}]}  # fmt: skip
     laps = SectionMap(build(stiff))
-    lap = laps.lap(laps.elastic(np.array([1.5]), np.array([0.0]), 2.5), 2.5)
+    lap = laps.lap(laps.at(2.5).state(np.array([1.5]), np.array([0.0])), 2.5)
     rates = np.array([-20 + np.sqrt(399), -20 - np.sqrt(399)])
     np.testing.assert_allclose(np.log(lap.multipliers.real), rates * 2 * np.pi / 2.5, rtol=1e-12)
 
