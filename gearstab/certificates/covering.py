@@ -7,7 +7,7 @@ import numpy as np
 from gearstab.certificates.equations import flow
 from gearstab.certificates.making import Maker
 from gearstab.certificates.segments import segments
-from gearstab.certificates.verifier import Array, Certificate, Flow
+from gearstab.certificates.verifier import Array, Certificate, Flow, proves
 from gearstab.system import GearSystem
 
 LEFT = 4e-4
@@ -26,6 +26,19 @@ def states(system: GearSystem) -> int:
 def certificates(system: GearSystem, start: float, stop: float, edges: list[Array]) -> list[list[Certificate]]:
     """Return the pieces of every row, ascending; ``edges``: of each row, ascending and within (start, stop)."""
     return [_of_row(flow(own), np.array([start, *at, stop])) for own, at in zip(segments(system), edges, strict=True)]
+
+
+def verdicts(system: GearSystem, omega: Array) -> Array:
+    """Return what is proved of points ``(rows, P)``: 1 stable, 0 unstable, -1 neither."""
+    found = np.full(omega.shape, -1, dtype=np.int8)
+    for row, own in enumerate(segments(system)):
+        known = flow(own)
+        maker = Maker(known, 0.0)
+        for k, at in enumerate(omega[row].tolist()):
+            piece = maker.proposal(at, at)
+            if piece is not None and proves(known, piece):
+                found[row, k] = piece.outside == 0
+    return found
 
 
 def _of_row(known: Flow, ends: Array) -> list[Certificate]:

@@ -22,6 +22,8 @@ TOWARDS = 0.95
 """Part of the distance to an edge that a piece may take."""
 FIRST = 0.01
 """Length of the first piece, relative to Omega, where no edge is near."""
+GRADED = 1e-6
+"""Ratio of multipliers below which the modes of the mean system serve as coordinates."""
 REAL = 1e-12
 """Imaginary part, relative to the modulus, below which a multiplier is real."""
 CIRCLE = 1e-9
@@ -71,6 +73,9 @@ class Maker:
         if not np.isfinite(monodromy).all():
             return None
         values, vectors = np.linalg.eig(monodromy)
+        if np.abs(values).max() < 1 and np.linalg.cond(vectors) * np.abs(values).min() < GRADED * np.abs(values).max():
+            values, vectors = np.linalg.eig(np.tensordot(self.fractions, self.generators, 1))
+            values = np.exp(values - values.real.max() - 1)
         order = np.argsort(-np.abs(values), kind="stable")
         values, vectors = values[order], vectors[:, order]
         pairs = values.imag > REAL * np.abs(values)

@@ -19,7 +19,7 @@ every period, and |x|^2 >= V/|X_1^-1|^2 with it.
 
 X_1, k and r are the certificate. The other X_i are chosen here, in floating point, as any choice proves what it proves:
 X_1^-1 Phi X_1 is a matrix that keeps J times a self-adjoint one, D; X_(s+1) = exp(f_s A_s T) X_s D^(-f_s) spreads
-the growth of V evenly over the period.
+the growth of V evenly over the period. Where much decays over it, -V is what a Lyapunov equation makes of X_1.
 
 **Theorem 2.** Let Q be skew, nonsingular and A_s^T Q + Q A_s = 0 for all s (nothing is damped), W = Phi + Phi^-1 and p
 a real polynomial. Then H = (Q Phi + (Q Phi)^T) p(W) is symmetric and Phi^T H Phi = H. If H is definite, all solutions
@@ -47,6 +47,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from math import ceil
 
 import numpy as np
 from flint import arb, arb_mat, ctx
@@ -57,8 +58,12 @@ PRECISION = 96
 """Bits of the midpoints."""
 DEGREE, CONSERVATIVE = 4, 6
 """Degree of the Taylor polynomials of Theorem 1 and 2."""
-LONGEST = 0.7
-"""Sum of |B| up to which segments are one part."""
+GRADED, DOUBLINGS = 1e6, 10
+"""Condition of Phi beyond which its slow directions drown the others; periods, as a power of 2, of a sweep backwards,
+which they do not disturb."""
+LONGEST, MOST, FINEST = 0.7, 16, 1000.0
+"""Sum of |B|, and number, up to which segments are one part: radii of balls grow with each by a small factor. Parts
+into which a segment is cut at most."""
 
 
 @dataclass(frozen=True)
@@ -109,25 +114,37 @@ def _grows_or_decays(flow: Flow, piece: Certificate, start: arb_mat, middle: arb
     """Theorem 1."""
     signs = np.where(np.arange(start.nrows()) < piece.outside, 1.0, -1.0)
     form, rate = exact(np.diag(signs)), arb(piece.rate)
-    generators = [generator * arb(f) for generator, f in zip(flow.generators, flow.fractions, strict=True)]
-    segments = [(generator * middle).exp() for generator in generators]
+    # Long segments in shorter ones.
+    generators, segments, fractions, back = [], [], [], start.inv()
+    for generator, f in zip(flow.generators, flow.fractions, strict=True):
+        size = float(_norm(back * generator * start) * half * f) / LONGEST
+        if not size < FINEST:
+            return False
+        times = max(1, ceil(size))
+        own = generator * (arb(f) / times)
+        generators, segments = generators + [own] * times, segments + [(own * middle).exp()] * times
+        fractions += [f / times] * times
     moved = start
     for segment in segments:
-        moved = segment * moved
-    spread = _spread(near(start.inv() * moved), signs, piece.rate)
-    here = [start]
-    for segment, f in zip(segments[:-1], flow.fractions, strict=False):
-        here.append((segment * here[-1] * exact(spread(f))).mid())
+        moved = (segment * moved).mid()
+    whole = near(back * moved)
+    if piece.outside == 0 and np.linalg.cond(whole) > GRADED:
+        here = _swept(start, segments, [generator * middle for generator in generators], fractions, whole)
+        start, most = here[0], 2
+    else:
+        spread, here, most = _spread(whole, signs, piece.rate), [start], MOST
+        for segment, f in zip(segments[:-1], fractions, strict=False):
+            here.append((segment * here[-1] * exact(spread(f))).mid())
     slopes = [x.inv() * (generator * half) * x for x, generator in zip(here, generators, strict=True)]
     lengths = [arb(0), *map(_norm, slopes)]
-    terms, share, span, there = [form], arb(0), arb(0), start
+    terms, share, span, there, count = [form], arb(0), arb(0), start, 0
     for s in reversed(range(len(segments))):
         terms = _pulled_back(terms, there.inv() * segments[s] * here[s], slopes[s], lengths[s + 1])
-        share, span, there = share + arb(flow.fractions[s]), span + lengths[s + 1], here[s]
-        if s == 0 or span + lengths[s] > LONGEST:
+        share, span, there, count = share + arb(fractions[s]), span + lengths[s + 1], here[s], count + 1
+        if s == 0 or count == most or span + lengths[s] > LONGEST:
             if not _definite_throughout([terms[0] - form * rate**share, *terms[1:]]):
                 return False
-            terms, share, span = [form], arb(0), arb(0)
+            terms, share, span, count = [form], arb(0), arb(0), 0
     return True
 
 
@@ -175,6 +192,30 @@ def _spread(whole: Array, signs: Array, rate: float) -> Callable[[float], Array]
     vectors, squared = inner.T @ basis, rate + 1 / values
     back = np.linalg.inv(vectors)
     return lambda f: (vectors * squared ** (-0.5 * f)) @ back
+
+
+def _swept(
+    start: arb_mat, segments: Sequence[arb_mat], exponents: Sequence[arb_mat], fractions: Sequence[float], whole: Array
+) -> list[arb_mat]:
+    """X_s = P_s^(-1/2) by sweeps backwards, P_s = e^(2 b f_s) F_s^T P_(s+1) F_s + f_s W, F_s of the segment.
+
+    b: half the slowest decay in a period; W: twice the decay of the mean system, less b.
+    """
+    back = start.inv()
+    flows = [near(back * segment * start) for segment in segments]
+    decay = -sum(np.diag(near(back * exponent * start)) for exponent in exponents)
+    slow = 0.5 * min(decay.min(), -np.log(np.abs(np.linalg.eigvals(whole)).max()))
+
+    def swept(form: Array) -> list[Array]:
+        forms = [form]
+        for flow, f in zip(reversed(flows), reversed(fractions), strict=True):
+            forms.append(np.exp(2 * slow * f) * flow.T @ forms[-1] @ flow + f * np.diag(2 * (decay - slow)))
+        return forms[:0:-1]
+
+    form, power = swept(np.zeros_like(whole))[0], np.exp(slow) * whole
+    for _ in range(DOUBLINGS):
+        form, power = form + power.T @ form @ power, power @ power
+    return [(start * exact(np.linalg.inv(np.linalg.cholesky(0.5 * (p + p.T))).T)).mid() for p in swept(form)]
 
 
 def _remainder(slope: arb_mat, size: arb) -> arb_mat:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from gearstab.cli.terminal import options
 from gearstab.cli.terminal.console import say, tell
 from gearstab.errors import FAILED
+
+if TYPE_CHECKING:
+    from gearstab.sweep.certificates import ProvedRow
 
 
 @click.command(name="verify", short_help="Prove the certificates of a result again.")
@@ -34,12 +39,19 @@ def command(result: Path, jobs: int, quiet: bool) -> None:
             what = "unstable" if piece.outside else "stable"
             tell(f"{place}not proved {what} from {piece.low:.9g} to {piece.high:.9g}")
     total, refused = sum(row.pieces for row in rows), sum(len(row.refused) for row in rows)
-    share = sum(row.share for row in rows) / len(rows)
-    widest = max(row.widest for row in rows)
-    say(f"{result}: {total - refused:,} of {total:,} pieces proved")
-    say(
-        f"{100 * share:.6g} % of the mesh frequencies are a theorem about the model as stored; of the rest no part is "
-        f"wider than {widest:.2g} of them"
-    )
+    say(f"{result}: {total - refused:,} of {total:,} certificates proved")
+    pieces, points = ([row for row in rows if bool(row.points) == of] for of in (False, True))
+    if pieces:
+        widest = max(row.widest for row in pieces)
+        say(
+            f"{_mean(pieces)} of the mesh frequencies are a theorem about the model as stored; of the rest no part is "
+            f"wider than {widest:.2g} of them"
+        )
+    if points:
+        say(f"the verdict at {_mean(points)} of the points of the grid is a theorem about the model as stored")
     if refused:
         raise click.exceptions.Exit(FAILED)
+
+
+def _mean(rows: Sequence[ProvedRow]) -> str:
+    return f"{100 * sum(row.share for row in rows) / len(rows):.6g} %"

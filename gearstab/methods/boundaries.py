@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.fields import Flag
-from gearstab.methods.base import RANGE, Key, OptionError, Outcome, Tolerance, TongueMethod, WidthFloor
+from gearstab.methods.base import RANGE, Key, Outcome, Tolerance, TongueMethod, WidthFloor
+from gearstab.methods.certificates import check_certificate
 from gearstab.methods.restriction import ModesOption, Restricted
 from gearstab.results.variables import CERTIFICATES, EXACT, OCCURRENCE, TONGUE, Variable, flagged
 from gearstab.system import Array, Feature
@@ -119,18 +119,7 @@ class BoundaryAnalysis(TongueMethod, Restricted):
     def check_options(self) -> None:
         self.check_modes()
         if self.options.certificate:
-            self._check_certificate()
-
-    def _check_certificate(self) -> None:
-        if find_spec("flint") is None:
-            message, remedy = "needs python-flint", "install it: pip install 'gearstab[verify]'"
-        elif self.options.modes is not None:
-            message, remedy = "is about the whole system, not about some of its modes", "remove modes"
-        elif not self.system.piecewise_constant:
-            message, remedy = "needs a system that is constant between jumps", "take rectangular waves, or remove it"
-        else:
-            return
-        raise OptionError(("certificate",), message, remedy)
+            check_certificate(self, "" if self.options.modes is None else "modes")
 
     def report(self) -> Mapping[str, Any]:
         """Return what of the system was solved."""

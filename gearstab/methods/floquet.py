@@ -13,8 +13,19 @@ from pydantic import BeforeValidator, Field
 from gearstab.config.model.fields import Choice, Flag, Quantity, Section, Whole, wrong
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
+from gearstab.methods.certificates import check_certificate
 from gearstab.methods.restriction import ModesOption, Restricted
-from gearstab.results.variables import BY_MESH, ERROR_ESTIMATE, EXPONENTS, FLOQUET, INTERVAL, ORBITS, Variable, flagged
+from gearstab.results.variables import (
+    BY_MESH,
+    CERTIFIED,
+    ERROR_ESTIMATE,
+    EXPONENTS,
+    FLOQUET,
+    INTERVAL,
+    ORBITS,
+    Variable,
+    flagged,
+)
 from gearstab.support import ANY_LINEAR
 from gearstab.system import Array, Feature, GearSystem
 
@@ -28,6 +39,9 @@ VECTORS = 0.5
 a Lyapunov exponent takes four times as long as the compiled kernel's product at 12 coordinates."""
 MOST = 512.0
 """Cost of a Lyapunov exponent beyond which blocks of the grid do not get smaller: calls pay for hundreds of points."""
+
+CERTIFICATE = 3e4
+"""Cost of a proof, in that of the point in the compiled kernel."""
 
 ORBIT = 800.0
 """Cost of an orbit, in points of a linear system of three coordinates."""
@@ -57,6 +71,11 @@ class LyapunovOptions(Section):
 class FloquetOptions(ModesOption):
     """Exact stability at every point of the grid."""
 
+    certificate: Flag = Field(
+        default=False,
+        title="certificates",
+        description="Prove the stability of every point in ball arithmetic, where that is possible, and mark it.",
+    )
     exponents: Flag = Field(
         default=False, title="exponents", description="Store all characteristic exponents, not only the growth rate."
     )
@@ -129,7 +148,7 @@ class Floquet(Restricted):
 
     @property
     def parallel(self) -> bool:
-        return self.strategy.name != "lyapunov"
+        return not self.options.certificate and self.strategy.name != "lyapunov"
 
     def variables(self) -> tuple[Variable, ...]:
         from gearstab.floquet import STATUS_FLAGS
@@ -139,7 +158,8 @@ class Floquet(Restricted):
         # An interval says more of a Lyapunov exponent, and the error of the steps is part of it.
         estimate = () if exact or self.strategy.name == "lyapunov" else (ERROR_ESTIMATE,)
         by_strategy = {"per_mesh": BY_MESH, "lyapunov": INTERVAL}.get(self.strategy.name, ())
-        return (*flagged(FLOQUET, STATUS_FLAGS), *estimate, *more, *by_strategy)
+        certified = (CERTIFIED,) if self.options.certificate else ()
+        return (*flagged(FLOQUET, STATUS_FLAGS), *estimate, *more, *by_strategy, *certified)
 
     def constants(self) -> Mapping[str, Any]:
         numbers = {"exponent": np.arange(1, 2 * self.part.size + 1)} if self.options.exponents else {}
@@ -166,6 +186,11 @@ class Floquet(Restricted):
         }  # fmt: skip
         if found.exponents is not None:
             values |= {"exponent_real": found.exponents.real, "exponent_imag": found.exponents.imag}
+        if self.options.certificate:
+            from gearstab.certificates.covering import verdicts
+
+            proved = verdicts(self.system, self.system.operating_points(mesh_frequency))
+            values["certified"] = (proved == found.stable).astype(np.int8)
         return Outcome(values)
 
     def solved(self, mesh_frequency: Array) -> FloquetStability:
@@ -190,7 +215,7 @@ class Floquet(Restricted):
             return sum(self._exact_cost(system) for system, _ in apart(self.part))
         if self.strategy.name == "lyapunov":
             return min(max(1.0, VECTORS * self._segments() * self.part.size**2), MOST)
-        return self._exact_cost(self.part)
+        return self._exact_cost(self.part) * (CERTIFICATE if self.options.certificate else 1.0)
 
     def _exact_cost(self, system: GearSystem) -> float:
         """Of a system with a common period."""
@@ -225,6 +250,10 @@ class Floquet(Restricted):
         if options.modes is not None and options.block is not None:
             raise OptionError(("modes",), "cannot be combined with block: both restrict the modes", "give one of them")
         self.check_modes()
+        if options.certificate:
+            check_certificate(
+                self, next((name for name in ("modes", "block") if getattr(options, name) is not None), "")
+            )
         try:
             _ = self.basis
         except NotPossible as error:
@@ -293,6 +322,8 @@ class Orbits(Floquet):
         }  # fmt: skip
         if self.options.exponents:
             values |= {"exponent_real": found.exponents.real, "exponent_imag": found.exponents.imag}
+        if self.options.certificate:
+            values["certified"] = np.zeros(found.stable.shape, dtype=np.int8)
         return Outcome(values)
 
     def cost(self) -> float:

@@ -1,4 +1,4 @@
-"""The certificates of a result, proved again piece by piece.
+"""The certificates of a result, proved again: of boundaries piece by piece, of a grid point by point.
 
 Nothing is taken from the result but its configuration, from which the systems are built anew, and the certificates.
 What has been looked at is noted in a file beside the result, so that an interrupted run goes on where it was.
@@ -12,11 +12,12 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gearstab.certificates.equations import Segments, flow
+from gearstab.certificates.making import Maker
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import union_length
 from gearstab.certificates.stored import unpacked
@@ -30,28 +31,39 @@ from gearstab.sweep.plan import Plan, plan
 from gearstab.sweep.reporter import Reporter
 from gearstab.systems import build
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 AT_ONCE = 16
 """Pieces between two notes of what was looked at."""
 
 
 @dataclass(frozen=True)
 class CertifiedRow:
-    """A row of a result: its values on the axes, its system, its pieces."""
+    """A row of a result: its values on the axes, its system, its pieces, or points where both ends are one.
+
+    points: of a grid, how many there are; 0 where the pieces are those of a range.
+    """
 
     place: Mapping[str, Any]
     system: Segments
     pieces: Sequence[Certificate]
+    points: int = 0
 
 
 @dataclass(frozen=True)
 class ProvedRow:
-    """What of a row is proved: share of the mesh frequencies, widest rest relative to them; pieces that are not."""
+    """What of a row is proved: share of the mesh frequencies, widest rest relative to them; pieces that are not.
+
+    points: of a grid, how many; share and widest are then those of points, and 0.
+    """
 
     place: Mapping[str, Any]
     pieces: int
     share: float
     widest: float
     refused: Sequence[Certificate]
+    points: int
 
 
 def verify(path: Path, jobs: int, reporter: Reporter) -> list[ProvedRow]:
@@ -77,21 +89,54 @@ def certified(path: Path) -> tuple[list[CertifiedRow], tuple[float, float]]:
     """Return all rows of a result with their certificates, and the range of mesh frequencies. Raises ResultError."""
     planned = _plan(path)
     with reading(path) as tree:
-        found = tree["boundaries"].to_dataset() if "boundaries" in tree.children else None
-        if found is None or "certificate" not in found:
-            raise ResultError(f"{path}: holds no certificates; methods.boundaries: {{certificate: true}} stores them")
-        axes = [str(dim) for dim in found["certificate_frequency"].dims[2:]]
-        ends = found["certificate_frequency"].transpose(*axes, "piece", "side").values
-        numbers = found["certificate"].transpose(*axes, "piece", "entry").values
-        labels = {name: found[name].values for name in axes}
+        groups = {str(name): node.to_dataset() for name, node in tree.children.items()}
+        boundaries, grid = groups.get("boundaries"), groups.get("floquet")
+        rows = _pieces(planned, boundaries) if boundaries is not None and "certificate" in boundaries else []
+        rows += _points(planned, grid) if grid is not None and "certified" in grid else []
+    if not rows:
+        raise ResultError(f"{path}: holds no certificates; methods.boundaries: {{certificate: true}} stores them")
+    return rows, planned.mesh_frequency_range if planned.fast is not None else (0.0, 0.0)
+
+
+def _pieces(planned: Plan, found: xr.Dataset) -> list[CertifiedRow]:
+    """Those of ``methods.boundaries``."""
+    ends = found["certificate_frequency"].transpose(*planned.rows, "piece", "side").values
+    numbers = found["certificate"].transpose(*planned.rows, "piece", "entry").values
     rows = []
-    for place in np.ndindex(*ends.shape[:-2]):
-        index = dict(zip(axes, place, strict=True))
+    for place, named, system in _systems(planned, found):
         there = ~np.isnan(numbers[place][:, 0])
+        rows.append(CertifiedRow(named, system, unpacked(ends[place][there], numbers[place][there])))
+    return rows
+
+
+def _points(planned: Plan, found: xr.Dataset) -> list[CertifiedRow]:
+    """Those of ``methods.floquet``, whose coordinates are found anew."""
+    order = (*planned.rows, *([planned.fast.name] if planned.fast else []))
+    marks, stable = (found[name].transpose(*order).values for name in ("certified", "stable"))
+    rows = []
+    for place, named, system in _systems(planned, found):
+        index = {name: np.array([k]) for name, k in zip(planned.rows, place, strict=True)}
+        omega = np.ravel(planned.mesh_frequency(index, np.arange(planned.fast.size if planned.fast else 1)))
+        there, maker = np.atleast_1d(marks[place]) != 0, Maker(flow(system), 0.0)
+        claims = zip(omega[there].tolist(), np.atleast_1d(stable[place])[there].tolist(), strict=True)
+        rows.append(CertifiedRow(named, system, [_point(maker, *claim) for claim in claims], len(omega)))
+    return rows
+
+
+def _point(maker: Maker, omega: float, stable: int) -> Certificate:
+    """A certificate of what is said of a point; one that nobody can prove where its multipliers say otherwise."""
+    piece = maker.proposal(omega, omega)
+    if piece is not None and (piece.outside == 0) == bool(stable):
+        return piece
+    return Certificate(omega, omega, 0 if stable else 1, 1.0, np.zeros((1, 1)))
+
+
+def _systems(planned: Plan, found: xr.Dataset) -> Iterator[tuple[tuple[int, ...], dict[str, Any], Segments]]:
+    """Of each row its place, its values on the axes, its system."""
+    for place in np.ndindex(*(axis.size for axis in planned.row_axes)):
+        index = dict(zip(planned.rows, place, strict=True))
         system = build(parameters_at(planned.config, {name: np.array([k]) for name, k in index.items()}))
-        named = {name: labels[name][k] for name, k in index.items()}
-        rows.append(CertifiedRow(named, segments(system)[0], unpacked(ends[place][there], numbers[place][there])))
-    return rows, planned.mesh_frequency_range
+        yield place, {name: found[name].values[k] for name, k in index.items()}, segments(system)[0]
 
 
 def _plan(path: Path) -> Plan:
@@ -137,7 +182,8 @@ def _of_row(row: CertifiedRow, proved: Sequence[Sequence[bool]], start: float, s
     ends = [(piece.low, piece.high) for piece, good in zip(row.pieces, fine, strict=True) if good]
     covered, widest = union_length(np.array(ends).reshape(-1, 2), start, stop)
     refused = [piece for piece, good in zip(row.pieces, fine, strict=True) if not good]
-    return ProvedRow(row.place, len(fine), covered / (stop - start), widest, refused)
+    share, widest = (len(ends) / row.points, 0.0) if row.points else (covered / (stop - start), widest)
+    return ProvedRow(row.place, len(fine), share, widest, refused, row.points)
 
 
 class _Notes:

@@ -58,7 +58,7 @@ def test_all_pieces_are_proved_again(stored: Path) -> None:
     done = ran("verify", stored)
     assert done.exit_code == 0
     count = int(np.isfinite(found["certificate_frequency"].values[:, 0]).sum())
-    assert f"{count} of {count} pieces proved" in done.stdout
+    assert f"{count} of {count} certificates proved" in done.stdout
     assert "theorem" in done.stdout
 
 
@@ -137,7 +137,25 @@ def test_a_changed_certificate_is_named_and_the_rest_kept(copied: Path, forge: C
     assert len(named) == 1
     assert "epsilon 0.3: not proved" in named[0]
     total = int(done.stdout.split(" of ")[1].split()[0])
-    assert f"{total - 1} of {total} pieces proved" in done.stdout
+    assert f"{total - 1} of {total} certificates proved" in done.stdout
+
+
+POINTS = CASE.replace("[2.2, 2.9]", "[2.0, 2.2, 2.7, 2.9]").replace("boundaries", "floquet")
+
+
+def test_points_of_a_grid_are_marked_and_proved_again(tmp_path: Path) -> None:
+    found = result_of(tmp_path, POINTS, "floquet")
+    assert (found["certified"] == 1).all()
+    assert set(found["stable"].values.ravel().tolist()) == {0, 1}
+    done = ran("verify", tmp_path / "case.h5")
+    assert done.exit_code == 0
+    assert "the verdict at 100 % of the points" in done.stdout
+    with h5py.File(tmp_path / "case.h5", "r+") as file:
+        stable = file["floquet/stable"]
+        stable[2, 1] = 1 - stable[2, 1]
+    done = ran("verify", tmp_path / "case.h5")
+    assert done.exit_code == 1
+    assert "epsilon 0.3: not proved stable from 2.7 to 2.7" in done.stderr
 
 
 def test_a_file_that_is_cut_short_is_refused(copied: Path) -> None:
@@ -192,7 +210,7 @@ def test_what_has_no_certificates_is_refused(tmp_path: Path, old: str, new: str,
 
 
 def test_python_flint_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gearstab.methods.boundaries.find_spec", lambda name: None)
+    monkeypatch.setattr("gearstab.methods.certificates.find_spec", lambda name: None)
     done = ran("sweep", written(tmp_path, CASE))
     assert done.exit_code == 2
     assert "gearstab[verify]" in done.stderr

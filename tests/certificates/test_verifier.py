@@ -203,3 +203,22 @@ def test_the_proof_imports_nothing_of_the_program() -> None:
         names = {node.module if isinstance(node, ast.ImportFrom) else node.names[0].name for node in nodes}
         assert {name for name in names if name.startswith("gearstab")} <= allowed
         assert names <= library | allowed
+
+
+def test_a_long_period_in_which_much_decays_is_proved() -> None:
+    """Floquet vectors of its multipliers, which differ by twelve orders of magnitude, are lost in rounding."""
+    random = np.random.default_rng(1)
+    stiffness = [np.diag([1.0, 400.0]) * (1 + 0.05 * random.standard_normal()) + 0.01 for _ in range(40)]
+    known = flow(segments(stiffness, random.dirichlet(np.ones(40)).tolist(), np.diag([0.02, 0.4])))
+    maker = Maker(known, 1e-4)
+    assert multipliers(known, 0.05)[0] / multipliers(known, 0.05)[-1] > 1e8
+    piece = maker.proposal(0.05, 0.05 * 1.001)
+    assert piece is not None
+    assert proves(known, piece)
+    assert not proves(known, replace(piece, outside=1))
+
+
+def test_a_piece_without_end_is_refused_at_once() -> None:
+    known, pieces = covered("train")
+    assert not proves(known, replace(pieces[0], low=1e-300))
+    assert not proves(known, replace(pieces[0], high=1e300))

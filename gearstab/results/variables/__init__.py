@@ -144,6 +144,10 @@ FLOQUET = (
 )
 
 
+CERTIFIED = Variable("certified", (GRID,), "i1", "1", "whether the stability is proved in ball arithmetic")
+"""With ``certificate``."""
+
+
 EXPONENTS = (
     coordinate("exponent", "exponent", "i4", "1", "number of the characteristic exponent, by descending real part"),
     Variable("exponent_real", (GRID, "exponent"), "f8", "1/s", "real part of the characteristic exponent"),
