@@ -15,7 +15,7 @@ import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.system import Array, GearSystem, PeriodicForce, PeriodicTerm
-from gearstab.systems.assembly import Assembly, Element, MeshElement, Row
+from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
 from gearstab.systems.gearbox.mesh import from_teeth
 from gearstab.systems.gearbox.planet_set import TrainSet, TrainSetRows
@@ -100,8 +100,8 @@ def mesh_element(train: Train, k: int) -> MeshElement:
     """
     gears, p, push = train.pairs[k], _filled(train, k), train.push(k)
     r1, r2 = (rotors.base_radius(train.rotors[gear]) for gear in gears)
-    row: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2, **train.shift(gears[0], push)}
-    row |= train.shift(gears[1], (-push[0], -push[1]))
+    turned: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2}
+    row = total(turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])))
     found = MeshElement(p, row, train.frequency_ratio(train.motions[k]), rotors.number(p, "lag"))
     j1, j2 = (train.inertias[gear] for gear in gears)
     return _damped(train, found, j1 * j2 / (r1**2 * j2 + r2**2 * j1))

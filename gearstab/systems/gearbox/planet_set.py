@@ -183,12 +183,12 @@ class TrainSetRows(SetRows):
         """Yield masses and bearings of the planets. factor: of all damping."""
         with self.item.told():
             mass, inertia = self.item.teeth.body("planet")
-        support = self.item.planets.get("support")
+        support: dict[str, Any] = self.item.planets.get("support") or {}
         for n in self.numbers:
             yield Element({self.name(f"planet{n}"): 1.0}, mass=inertia)
             for along in ((1.0, 0.0), (0.0, 1.0)):
                 yield Element(self.shift(f"planet{n}", *along), mass=mass)
-            for row in self.bearing(n) if support is not None else ():
+            for row in self.bearing(n) if support else ():
                 k = rotors.number(support, "stiffness")
                 c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * mass)
                 yield Element(row, stiffness=k, damping=factor * c)
