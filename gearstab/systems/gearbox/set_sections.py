@@ -134,6 +134,11 @@ class PlanetarySet(Named):
         description="a (m); that of the profile shifts of sun and planet, else m (z_s + z_r)/4 without.",
     )
     meshes: SetMeshes = Field(default=SetMeshes(), title="meshes", description="Of the sun and of the ring.")
+    carrier_speed: Annotated[str, Choice("carrier speed", ("from_teeth",))] | None = Field(
+        default=None,
+        title="carrier speed",
+        description="from_teeth: with the gyroscopic and centripetal terms of the turning carrier; none without.",
+    )
     phases: SetPhases | None = Field(
         default=None, title="mesh phases", description="How far the ring's meshes lag the sun's."
     )
