@@ -248,7 +248,7 @@ def _advice(
     """Contact ratios, a phasing or tooth numbers that close a region to first order, those there are."""
     from gearstab.perturbation import remedies
 
-    meshes = config.parameters.get("meshes")
+    meshes: Any = config.parameters.get("meshes")
     advice: dict[str, Any] = {}
     groups = _alike(system, meshes)
     ratios = remedies.contact_ratios(system, found, list(groups.values()))

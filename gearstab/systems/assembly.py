@@ -60,6 +60,13 @@ class Coordinates:
                     total[..., self.index[first], self.index[second]] += np.asarray(a) * one * other
         return total
 
+    def skew(self, pairs: Sequence[tuple[Row, Row, Any]]) -> Array:
+        """Return sum a (y^T x - x^T y) ``(..., n, n)`` over rows x and y and a number a."""
+        parts = (np.asarray(a)[..., None, None] * self.vector(y)[..., :, None] * self.vector(x)[..., None, :]
+                 for x, y, a in pairs)  # fmt: skip
+        found: Array = sum(parts, np.zeros((len(self.units), len(self.units))))
+        return found - np.swapaxes(found, -1, -2)
+
 
 @dataclass(frozen=True)
 class Element:

@@ -122,8 +122,8 @@ def _eliminated(relations: Sequence[Relation]) -> tuple[dict[str, Row], list[int
     for number, relation in enumerate(relations):
         factors = {body: Fraction(factor) for body, factor in relation.factors.items() if factor}
         row = (factors, Fraction(relation.value), frozenset((number,)))
-        for body, pivot in pivots.items():
-            row = _without(row, body, pivot)
+        for other, pivot in pivots.items():
+            row = _without(row, other, pivot)
         body = next(iter(row[0]), None)
         if body is None and row[1]:
             raise _contradiction(relations, row)

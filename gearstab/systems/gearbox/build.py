@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.rotation import Rotation
 from gearstab.system import Array, GearSystem, PeriodicForce, PeriodicTerm
-from gearstab.systems.assembly import Assembly, Element, MeshElement, Row
+from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
 from gearstab.systems.gearbox.mesh import from_teeth
-from gearstab.systems.gearbox.planet_set import TrainSet, TrainSetRows
+from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet, TrainSetRows
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.kinematics import TrainError, Where
 
@@ -36,7 +37,8 @@ def build(p: dict[str, Any]) -> GearSystem:
     symmetries = [row.cyclic() for row in rows if row.item.planets.get("angles") is None and not train.shared(row.item)]
     meshes = [mesh for row in rows for mesh in _set_meshes(train, row)] + pairs
     assembly = Assembly(train.coordinates, elements, meshes)
-    system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries))
+    rotations = tuple(_turning(train, row) for row in rows if row.item.p.get("carrier_speed") is not None)
+    system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries), rotations=rotations)
     return _rubbed(train, system, [rotors.number(item.p, "damping") for item in pairs])
 
 
@@ -47,6 +49,23 @@ def _rows(train: Train, item: TrainSet) -> TrainSetRows:
         message = f"moves in the plane of {item.name}, which turns with its carrier, and is in another mesh as well"
         raise TrainError(place, message, "give that mesh a rotor of its own and join both by a shaft")
     return item.rows(train.coordinates, train.signs)
+
+
+def _turning(train: Train, rows: TrainSetRows) -> Rotation:
+    """Return the terms of the speed of a carrier in its frame."""
+    members = {}
+    for member in MEMBERS:
+        rotor = train.place[rows.item.p[member]]
+        if rotor in train.masses:
+            members[member] = (train.masses[rotor], _drag(train, rotor))
+    return rows.turning(members, train.driving * train.speeds[rows.item.p["carrier"]] / train.cycles)
+
+
+def _drag(train: Train, rotor: int) -> Array:
+    """The damping of a lateral support, 2 zeta sqrt(k m)."""
+    support = train.rotors[rotor]["support"]
+    k = rotors.number(support, "stiffness")
+    return train.damping_factor * 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.masses[rotor])
 
 
 def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
@@ -100,8 +119,8 @@ def mesh_element(train: Train, k: int) -> MeshElement:
     """
     gears, p, push = train.pairs[k], _filled(train, k), train.push(k)
     r1, r2 = (rotors.base_radius(train.rotors[gear]) for gear in gears)
-    row: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2, **train.shift(gears[0], push)}
-    row |= train.shift(gears[1], (-push[0], -push[1]))
+    turned: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2}
+    row = total(turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])))
     found = MeshElement(p, row, train.frequency_ratio(train.motions[k]), rotors.number(p, "lag"))
     j1, j2 = (train.inertias[gear] for gear in gears)
     return _damped(train, found, j1 * j2 / (r1**2 * j2 + r2**2 * j1))
@@ -165,11 +184,9 @@ def _bodies(train: Train) -> Iterator[Element]:
 def _supports(train: Train) -> Iterator[Element]:
     """Yield mass and support of every rotor that moves in its plane, and torsional supports."""
     for rotor, mass in train.masses.items():
-        support = train.rotors[rotor]["support"]
-        k = rotors.number(support, "stiffness")
-        c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * mass)
+        k = rotors.number(train.rotors[rotor]["support"], "stiffness")
         for along in ((1.0, 0.0), (0.0, 1.0)):
-            yield Element(train.shift(rotor, along), mass, k, train.damping_factor * c)
+            yield Element(train.shift(rotor, along), mass, k, _drag(train, rotor))
     for rotor, p in enumerate(train.rotors):
         support = p.get("support") or {}
         k = rotors.number(support, "torsional_stiffness")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
-from gearstab.systems.assembly import Row
+from gearstab.systems.assembly import Row, total
 from gearstab.systems.gearbox.teeth import Rubbing
 from gearstab.systems.gearbox.train import Train
 from gearstab.waveforms import Constant, Product, Profile, Scaled
@@ -33,8 +33,8 @@ def arms(
     back = -1.0 if swapped else 1.0
     n = tuple(back * np.asarray(part) for part in push)
     t = (-back * sense * n[1], back * sense * n[0])
-    arm: Row = {train.name(wheel): -back * rubbing.length, **train.shift(pinion, t)}
-    arm |= train.shift(wheel, (-t[0], -t[1]))
+    lever: Row = {train.name(wheel): -back * rubbing.length}
+    arm = total(lever, train.shift(pinion, t), train.shift(wheel, (-t[0], -t[1])))
     turn = {train.name(pinion): back, train.name(wheel): back * rubbing.wheel_sign}
     return train.coordinates.vector(arm), train.coordinates.vector(turn)
 

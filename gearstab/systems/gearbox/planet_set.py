@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.rotation import Rotation
 from gearstab.system import Array, Cyclic
 from gearstab.systems.assembly import Coordinates, Element, Row, total
 from gearstab.systems.gearbox import rotors
@@ -183,15 +184,23 @@ class TrainSetRows(SetRows):
         """Yield masses and bearings of the planets. factor: of all damping."""
         with self.item.told():
             mass, inertia = self.item.teeth.body("planet")
-        support = self.item.planets.get("support")
+        support: dict[str, Any] = self.item.planets.get("support") or {}
         for n in self.numbers:
             yield Element({self.name(f"planet{n}"): 1.0}, mass=inertia)
             for along in ((1.0, 0.0), (0.0, 1.0)):
                 yield Element(self.shift(f"planet{n}", *along), mass=mass)
-            for row in self.bearing(n) if support is not None else ():
+            for row in self.bearing(n) if support else ():
                 k = rotors.number(support, "stiffness")
                 c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * mass)
                 yield Element(row, stiffness=k, damping=factor * c)
+
+    def turning(self, members: Mapping[str, tuple[Any, Any]], ratio: Fraction) -> Rotation:
+        """Return the terms of the carrier's speed. members: mass and damping to the housing of those that move."""
+        mass, _ = self.item.teeth.body("planet")
+        support = self.item.planets.get("support")
+        bodies = {**members, **{f"planet{n}": (mass, 0.0) for n in self.numbers}}
+        bearing = None if support is None else rotors.number(support, "stiffness")
+        return self.of_frame(self.coordinates, bodies, bearing, ratio)
 
     def cyclic(self) -> Cyclic:
         """Return the symmetry of equally spaced planets."""

@@ -134,6 +134,11 @@ class PlanetarySet(Named):
         description="a (m); that of the profile shifts of sun and planet, else m (z_s + z_r)/4 without.",
     )
     meshes: SetMeshes = Field(default=SetMeshes(), title="meshes", description="Of the sun and of the ring.")
+    carrier_speed: Annotated[str, Choice("carrier speed", ("from_teeth",))] | None = Field(
+        default=None,
+        title="carrier speed",
+        description="from_teeth: with the gyroscopic and centripetal terms of the turning carrier; none without.",
+    )
     phases: SetPhases | None = Field(
         default=None, title="mesh phases", description="How far the ring's meshes lag the sun's."
     )
@@ -184,10 +189,12 @@ def _meshes(item: dict[str, Any]) -> Iterator[Conflict]:
 def _teeth(item: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[Conflict]:
     """Yield what keeps planets of known teeth from being assembled."""
     planets = item.get("planets") or {}
-    count, psi = planets.get("count"), planets.get("angles")
+    count: Any = planets.get("count")
+    psi = planets.get("angles")
     if whole(count, 3, MOST_PLANETS) and isinstance(psi, list):
         yield from below("planets", wrong_length(planets, "angles", int(count), "planet"))
-    numbers = [rotors.get(item.get(name, ""), {}).get("teeth") for name in ("sun", "ring")] + [planets.get("teeth")]
+    numbers: list[Any] = [rotors.get(item.get(name, ""), {}).get("teeth") for name in ("sun", "ring")]
+    numbers.append(planets.get("teeth"))
     if "support" in planets and (planets["support"] or {}).get("stiffness") is None:
         yield ("planets", "support", "stiffness"), "missing", "is missing", "add stiffness (N/m), or remove support"
     if not all(whole(number, 4, 10**6) for number in numbers):
@@ -207,7 +214,7 @@ def complete_angles(document: Document, raw: dict[str, Any]) -> None:
         if planets.get("angles") != ASSEMBLE:
             continue
         place = ("system", "planetary_sets", k, "planets", "angles")
-        numbers = [planets.get("count"), *(teeth.get(str(item.get(gear))) for gear in ("sun", "ring"))]
+        numbers: list[Any] = [planets.get("count"), *(teeth.get(str(item.get(gear))) for gear in ("sun", "ring"))]
         if not all(type(number) is int and number > 0 for number in numbers):
             hint = "give count, and rotors for sun and ring their teeth"
             document.report(place, "needs_other", "needs the numbers of teeth", hint)

@@ -95,8 +95,8 @@ class Train:
     def motions(self) -> list[MeshMotion]:
         """How the gears of each pair turn."""
         found = []
-        for k, gears in enumerate(self.pairs):
-            names, teeth = ((f(gears[0]), f(gears[1])) for f in (self.name, self.teeth))
+        for k, (driver, driven) in enumerate(self.pairs):
+            names, teeth = (self.name(driver), self.name(driven)), (self.teeth(driver), self.teeth(driven))
             found.append(MeshMotion(names, teeth, self.internal(k) is not None, ("meshes", k)))
         return found
 
@@ -112,7 +112,9 @@ class Train:
         found = [Relation({self.p["input"]["rotor"]: 1}, ("input",), 1)]
         found += [Relation({rotor: 1}, where) for rotor, where in self.held.items()]
         found += [motion.relation for item in self.sets for motion in item.motions]
-        found += [alike(*shaft["between"], ("shafts", k)) for k, shaft in enumerate(self.p.get("shafts") or [])]
+        for k, shaft in enumerate(self.p.get("shafts") or []):
+            first, second = shaft["between"]
+            found.append(alike(first, second, ("shafts", k)))
         return found + [motion.relation for motion in self.motions]
 
     @property

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from math import tau
 from typing import Any
 
 import numpy as np
 
+from gearstab.rotation import Rotation
 from gearstab.system import Array
-from gearstab.systems.assembly import Row, total
+from gearstab.systems.assembly import Coordinates, Row, total
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,31 @@ class SetRows:
         radial = total(self.shift("carrier", cosine, sine), self.shift(f"planet{n}", -1.0, 0.0))
         turning = self.rotation("carrier")
         return radial, total(self.shift("carrier", -sine, cosine), turning, self.shift(f"planet{n}", 0.0, -1.0))
+
+    def of_frame(
+        self, place: Coordinates, bodies: Mapping[str, tuple[Any, Any]], bearing: Any, ratio: Fraction
+    ) -> Rotation:
+        """Return what the carrier's speed W = r Omega adds in coordinates that turn with it.
+
+            G = 2 m (y^T x - x^T y),   K = -m (x^T x + y^T y),   H = c (y^T x - x^T y)
+
+        of a body of mass m with the damping c to the housing, and on the carrier's rotation the tension of the pins,
+        W^2 m/(1 - W^2 m/k_p) of each planet, without which the free rotation would have a stiffness.
+
+        place: coordinates. bodies: mass and damping of each body that moves. bearing: k_p, None of rigid ones. Source:
+        Lin & Parker 1999 (J. Vib. Acoust. 121, 316), without the tension; that is derived from the nonlinear carrier.
+        """
+        moving = [(self.shift(body, 1.0, 0.0), self.shift(body, 0.0, 1.0), *own) for body, own in bodies.items()]
+        mass = bodies["planet1"][0]
+        drag = place.skew([(x, y, c) for x, y, _, c in moving])
+        return Rotation(
+            speed_ratio=ratio,
+            gyroscopic=place.skew([(x, y, 2 * np.asarray(m)) for x, y, m, _ in moving]),
+            circulatory=drag if np.any(drag) else None,
+            centripetal=place.stamped([(row, -np.asarray(m)) for x, y, m, _ in moving for row in (x, y)]),
+            preload=place.stamped([(self.rotation("carrier"), self.planets * np.asarray(mass))]),
+            softening=0.0 if bearing is None else mass / bearing,
+        )
 
 
 def turn_matrix(

@@ -16,6 +16,7 @@ from scenes import DATA, problems, read
 from gearstab.floquet import solve
 from gearstab.modal import mean_modes
 from gearstab.response.linear.equilibrium import static_mesh_force
+from gearstab.rotation import factors
 from gearstab.symmetry import natural_modes, type_names
 from gearstab.systems import build
 from gearstab.systems.gearbox.train import Train
@@ -296,3 +297,63 @@ def test_angles_of_planets_follow_the_teeth(tmp_path: Path) -> None:
     # Planets of a sun that drives turn clockwise: gamma_sn = z_s psi_n/2 pi.
     assert lags == [30 * step / 108 % 1 for step in steps]
     assert [symmetry.name for symmetry in build(p).symmetries] == ["second"]
+
+
+def spinning(parameters: dict[str, float]) -> dict[str, Any]:
+    """The gear of Lin & Parker 1999 as a set: any teeth, since only I/r^2 and pressure angles matter."""
+    z = {"sun": 30, "planet": 24, "ring": 78}
+    alpha = parameters["alpha_s"]
+    radius = {gear: 0.0015 * number * np.cos(alpha) for gear, number in z.items()} | {"carrier": 0.0015 * 54}
+    number = {member: member[0] for member in (*BODIES, "planet")}
+
+    def body(member: str) -> dict[str, Any]:
+        key = number[member]
+        torsion = parameters.get(f"k_{key}u", 0.0) * radius[member] ** 2
+        support = {"stiffness": parameters[f"k_{key}"]} | ({"torsional_stiffness": float(torsion)} if torsion else {})
+        own = {"mass": parameters[f"m_{key}"], "inertia": float(parameters[f"I_{key}"] * radius[member] ** 2)}
+        return {**own, "support": support}
+
+    rotors = [{"name": member, **body(member)} | ({} if member == "carrier" else {"teeth": z[member]})
+              for member in BODIES]  # fmt: skip
+    rotors[1]["internal"] = True
+    mesh = {"epsilon": 0.1, "contact_ratio": 1.5}
+    return {
+        "kind": "gearbox", "gears": {"module": 0.003, "pressure_angle": alpha, "face_width": 0.02}, "rotors": rotors,
+        "input": {"rotor": "carrier"},
+        "planetary_sets": [{
+            "name": "set", **{body: body for body in BODIES}, "held": "ring", "carrier_speed": "from_teeth",
+            "planets": {"count": int(parameters["planets"]), "teeth": 24, **body("planet")},
+            "meshes": {"sun": mesh | {"mean_stiffness": parameters["k_sp"]},
+                       "ring": mesh | {"mean_stiffness": parameters["k_rp"]}},
+        }],
+    }  # fmt: skip
+
+
+def whirl(system: Any, speed: float) -> tuple[np.ndarray, float]:
+    """Whirl frequencies of the mean system at a carrier speed, and the largest growth rate."""
+    size, zero = system.size, np.zeros((system.size, system.size))
+    stiffness, gyroscopic = system.mean_stiffness_matrix(), zero
+    for term in (term for rotation in system.rotations for term in rotation.terms()):
+        part = float(factors(np.asarray(speed), np.asarray(term.power), np.asarray(term.softening))) * term.matrix
+        stiffness, gyroscopic = (stiffness, gyroscopic + part) if term.on_velocity else (stiffness + part, gyroscopic)
+    inverse = np.linalg.inv(system.mass)
+    state = np.block([[zero, np.eye(size)], [-inverse @ stiffness, -inverse @ gyroscopic]])
+    values = np.linalg.eigvals(state)
+    return np.sort(values.imag[values.imag > 10.0]), float(values.real.max())
+
+
+SPINNING = json.loads((DATA / "carrier_speed.json").read_text())["cases"]
+
+
+@pytest.mark.parametrize("case", SPINNING, ids=lambda case: case["name"])
+def test_whirl_in_the_frame_of_the_carrier_is_that_of_the_reference(tmp_path: Path, case: dict[str, Any]) -> None:
+    """Eigenvalues of unsymmetric matrices of entries up to 1e10: rounding is some 1e-8 of them."""
+    system = build(read(tmp_path, as_text(spinning(case["parameters"]))).parameters)
+    (rotation,) = system.rotations
+    assert rotation.speed_ratio == Fraction(1, 78)
+    for at in case["with_pin_preload"]:
+        frequencies, growth = whirl(system, at["carrier_speed_rad_s"])
+        known = np.array(at["whirl_frequencies_rad_s"])
+        np.testing.assert_allclose(frequencies, known[known > 10.0], rtol=1e-7)
+        if not at["growing_eigenvalues_re_absim"] and at["eigenvalues_near_zero"] == 0:
+            assert growth < 1e-7 * known.max()
