@@ -14,6 +14,7 @@ import xarray as xr
 from click.testing import CliRunner
 from plot_results import planetary
 
+import gearstab as gs
 from gearstab.cli import group
 from gearstab.cli.plot import points
 from gearstab.cli.terminal.options import selections
@@ -31,6 +32,15 @@ OF_DESIGNS = ("contour", "tornado", "design", "pareto")
 """Drawn from the result of a design, see tests/design."""
 
 
+def branches():
+    """A short branch of motions with backlash, from the program: by hand it would be no motion."""
+    mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5, "backlash": 2.0}
+    pair = {"kind": "gear_pair", "units": "none", "equivalent_mass": 1.0, "damping_ratio": 0.05, "load": [0.5]}
+    method = {"starts": [0.9], "points": 8, "cycles": 60}
+    sweep = {"mesh_frequency": {"start": 0.8, "stop": 1.0, "num": 3}}
+    return gs.sweep({"system": pair | {"meshes": [mesh]}, "sweep": sweep, "methods": {"branches": method}}, jobs=1)
+
+
 def result_of(kind):
     """A small result that a kind of figure can be drawn from."""
     coords = made.axes(frequency=np.linspace(0.35, 7, 24), epsilon=np.linspace(0, 0.5, 13), phasing=[0.0, 0.5])
@@ -46,7 +56,7 @@ def result_of(kind):
         "speeds": made.speeds, "spectrum": made.spectra, "pair": made.pair,
         "required-damping": made.required_damping, "phase-plane": made.backlash, "teeth": made.teeth,
         "probability": made.probability, "passage": made.passage, "waterfall": made.run_up, "orders": made.run_up,
-        "campbell": made.crossing,
+        "campbell": made.crossing, "branches": branches,
     }  # fmt: skip
     return others.get(kind, lambda: made.tree(**groups))()
 
