@@ -36,7 +36,7 @@ def branches():
     """A short branch of motions with backlash, from the program: by hand it would be no motion."""
     mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5, "backlash": 2.0}
     pair = {"kind": "gear_pair", "units": "none", "equivalent_mass": 1.0, "damping_ratio": 0.05, "load": [0.5]}
-    method = {"starts": [0.9], "points": 8, "cycles": 60}
+    method = {"starts": [0.9], "points": 10, "cycles": 60}
     sweep = {"mesh_frequency": {"start": 0.8, "stop": 1.0, "num": 3}}
     return gs.sweep({"system": pair | {"meshes": [mesh]}, "sweep": sweep, "methods": {"branches": method}}, jobs=1)
 
