@@ -9,6 +9,11 @@ train as a whole: elastic modes are orthogonal to it).
     x' = A(t) x + B f(t),    A(t) = constant + sum_j s_j(t) parts_j + sum_k W_k^p_k/(1 - a_k W_k^2) by_speed_k
 
 with speeds of rotation W_k = r_k Omega; those that are held are constant.
+
+The motion that a speed leaves free may change with it: where springs carry centrifugal forces (``preload`` of
+:mod:`gearstab.rotation`) it is v(W) = (1 - a W^2 P) v(0), P the part of these springs in it. Then u are the elastic
+coordinates beside v(W), and u' in the state is that beside v(0): u~' = u' + f(W) D b'. The position of v(W) would be
+a double exponent of zero, which rounding makes grow.
 """
 
 from __future__ import annotations
@@ -25,6 +30,8 @@ from gearstab.system import Array, GearSystem
 
 UNDAMPED = 1e-11
 """Damping of a rigid-body mode below this part of the largest one is rounding."""
+FREE = 1e-9
+"""A motion is free where forces on it are below this part of their largest share."""
 SLOWEST = 1e-6
 """A mode slower than this part of the mean one is weighted as if it had that frequency."""
 
@@ -38,6 +45,7 @@ class ModalMatrices:
     static, damping: ``(r, n, n)``, Phi^T K0 Phi and Phi^T C Phi.
     parts: what varies, of the meshes, then of the terms' profiles: (whether it acts on velocities, ``(r, n, n)``).
     turning: what acts with a speed of rotation, all arrays with a row for each.
+    drift: D of free motions that change with a speed, and f(W).
     """
 
     shapes: Array
@@ -48,6 +56,7 @@ class ModalMatrices:
     damping: Array
     parts: list[tuple[bool, Array]]
     turning: list[SpeedTerm]
+    drift: list[SpeedTerm]
 
     @classmethod
     def of(cls, system: GearSystem) -> ModalMatrices:
@@ -66,29 +75,40 @@ class ModalMatrices:
             kinds = [on for on, profile in enumerate((term.stiffness, term.damping)) if profile is not None]
             parts += [(bool(on), u[:, :, None] * v[:, None, :]) for on in kinds]
         static = back @ system.flat(system.stiffness, 2) @ shapes
-        turning = [
-            replace(
-                term,
-                matrix=back @ system.flat(term.matrix, 2) @ shapes,
-                speed=system.flat(term.speed),
-                softening=system.flat(term.softening),
-            )
+        by_rotation = [
+            [
+                replace(
+                    term,
+                    matrix=back @ system.flat(term.matrix, 2) @ shapes,
+                    speed=system.flat(term.speed),
+                    softening=system.flat(term.softening),
+                )
+                for term in rotation.terms()
+            ]
             for rotation in system.rotations
-            for term in rotation.terms()
         ]
-        felt = [term.matrix for term in turning if not term.on_velocity]
-        rigid = rigid & ~acted_on(felt) if felt else rigid
-        return cls(shapes, squared, rate, rigid, static, damping, parts, turning)
+        turning = [term for own in by_rotation for term in own]
+        felt, drift = [term.matrix for term in turning if not term.on_velocity], []
+        if felt and rigid.any():
+            mean = back @ system.flat(system.mean_stiffness_matrix(), 2) @ shapes
+            every = [matrix for on_velocity, matrix in parts if not on_velocity]
+            found = _drift(by_rotation, mean, every, rigid)
+            still = ~acted_on(felt) if found is None else found[1][:, None] | ~acted_on(felt)
+            rigid, drift = rigid & still, [] if found is None else [found[0]]
+        return cls(shapes, squared, rate, rigid, static, damping, parts, turning, drift)
 
     def subset(self, index: Array) -> ModalMatrices:
         """Some of the rows, by position."""
         parts = [(on_velocity, matrix[index]) for on_velocity, matrix in self.parts]
         own = {name: getattr(self, name)[index] for name in ("shapes", "squared", "rate", "rigid", "static", "damping")}
-        turning = [
-            replace(term, matrix=term.matrix[index], speed=term.speed[index], softening=term.softening[index])
-            for term in self.turning
-        ]
-        return replace(self, parts=parts, turning=turning, **own)
+        turning, drift = (
+            [
+                replace(term, matrix=term.matrix[index], speed=term.speed[index], softening=term.softening[index])
+                for term in terms
+            ]
+            for terms in (self.turning, self.drift)
+        )
+        return replace(self, parts=parts, turning=turning, drift=drift, **own)
 
     def dissipative(self) -> list[Array]:
         """Matrices that act on velocities: the damping, then what varies or goes with a speed, each ``(r, n, n)``."""
@@ -99,8 +119,11 @@ class ModalMatrices:
         """The same in other modes, Phi T with T ``(n, n)`` orthogonal, which leaves elastic modes as they are."""
         own = {name: turn.T @ getattr(self, name) @ turn for name in ("static", "damping")}
         parts = [(on_velocity, turn.T @ matrix @ turn) for on_velocity, matrix in self.parts]
-        turning = [replace(term, matrix=turn.T @ term.matrix @ turn) for term in self.turning]
-        return replace(self, shapes=self.shapes @ turn, parts=parts, turning=turning, **own)
+        turning, drift = (
+            [replace(term, matrix=turn.T @ term.matrix @ turn) for term in terms]
+            for terms in (self.turning, self.drift)
+        )
+        return replace(self, shapes=self.shapes @ turn, parts=parts, turning=turning, drift=drift, **own)
 
     @property
     def weight(self) -> Array:
@@ -126,13 +149,21 @@ class ModalMatrices:
                 whole[:, n:, :n] = -matrix[:, moving[:, None], elastic] / rate**2 / weight[:, None, :]
             return whole
 
+        def carried(matrix: Array) -> Array:
+            """How velocities of free motions enter those of elastic coordinates beside them."""
+            whole = np.zeros((len(rows), m, m))
+            whole[:, :n, n:] = weight[:, :, None] * matrix[:, elastic[:, None], moving]
+            return whole
+
         constant = placed(False, self.static) + placed(True, self.damping)
         constant[:, np.arange(n), n + np.arange(n)] = weight
-        following = [term for term in self.turning if not term.held]
-        for term in self.turning:
+        turning = [(term, placed(term.on_velocity, term.matrix)) for term in self.turning]
+        turning += [(term, carried(term.matrix)) for term in self.drift]
+        following = [(term, matrix) for term, matrix in turning if not term.held]
+        for term, matrix in turning:
             if term.held:
                 factor = factors(np.asarray(term.speed), np.asarray(term.power), np.asarray(term.softening))
-                constant += factor[:, None, None] * placed(term.on_velocity, term.matrix)
+                constant += factor[:, None, None] * matrix
         inlet, outlet = np.zeros((len(rows), m, shapes.shape[1])), np.zeros((len(rows), shapes.shape[1], m))
         speed = np.zeros_like(outlet)
         inlet[:, n:] = np.swapaxes(shapes[:, :, moving], -1, -2) / rate**2
@@ -143,9 +174,10 @@ class ModalMatrices:
         found = FirstOrder(rows, self.rate, constant, parts, inlet, outlet, speed, shapes[:, :, still])
         if not following:
             return found
-        by_speed = np.stack([placed(term.on_velocity, term.matrix) for term in following], axis=1)
+        by_speed = np.stack([matrix for _, matrix in following], axis=1)
         laws = [
-            np.stack(np.broadcast_arrays(term.speed_ratio, term.power, term.softening), axis=-1) for term in following
+            np.stack(np.broadcast_arrays(term.speed_ratio, term.power, term.softening), axis=-1)
+            for term, _ in following
         ]
         return replace(found, by_speed=by_speed, laws=np.stack(laws, axis=1))
 
@@ -222,6 +254,43 @@ class FirstOrder:
         return np.asarray(self.constant + np.einsum("...rs,rsij->...rij", factor, self.by_speed))
 
 
+def _drift(
+    by_rotation: list[list[SpeedTerm]], mean: Array, parts: list[Array], rigid: Array
+) -> tuple[SpeedTerm, Array] | None:
+    """D and f(W) of the rotation with a preload, and in which rows ``(r,)`` its motions are free at every speed.
+
+    mean: ``(r, n, n)``, of the mean stiffness. From K(W) v(W) = 0 at every W, with L the preload and K the centripetal
+    matrix, (K + L) v(0) = a K(0) P v(0), which gives the elastic part of P v(0) and, by L P = L, the rigid one.
+    """
+    preloaded = [own for own in by_rotation if np.any(own[-1].softening)]
+    if len(preloaded) != 1:
+        return None
+    own = [term for term in preloaded[0] if not term.on_velocity]
+    elsewhere = (terms for terms in by_rotation if terms is not preloaded[0])
+    others = [term.matrix for terms in elsewhere for term in terms if not term.on_velocity]
+    preload, free = own[-1], rigid[:, None, :]
+    pull = sum(term.matrix for term in own if term.power == 2) * free * ~rigid[:, :, None]
+    size = np.abs(mean).max(axis=(1, 2))
+    matrix = np.linalg.solve(mean + np.eye(rigid.shape[1]) * (rigid * size[:, None])[:, None, :], pull)
+    own_share = np.einsum("rpp,rp->r", preload.matrix, rigid)
+    shared = np.sum(preload.matrix * matrix, axis=(1, 2)) / np.where(own_share > 0, own_share, np.inf)
+    found = SpeedTerm(False, matrix, 2, preload.speed_ratio, preload.speed, preload.softening - shared)
+    squared = 0.1 / np.where(preload.softening > 0, preload.softening, np.inf)
+
+    def factor(term: SpeedTerm) -> Array:
+        """At a speed where the springs are a tenth softer."""
+        speed, power, softening = (np.asarray(v) for v in (np.sqrt(squared), term.power, term.softening))
+        return factors(speed, power, softening)[:, None, None]
+
+    motion = np.eye(rigid.shape[1]) * free - factor(found) * matrix
+    stiffness = [mean, *(factor(term) * term.matrix for term in own)]
+    forces, shares = sum(stiffness) @ motion, sum(np.abs(part) @ np.abs(motion) for part in stiffness)
+    left = np.abs(forces).max(axis=(1, 2)) <= FREE * shares.max(axis=(1, 2))
+    for part in (*others, *parts):
+        left &= np.abs(part @ motion).max(axis=(1, 2)) <= FREE * (np.abs(part) @ np.abs(motion)).max(axis=(1, 2))
+    return replace(found, matrix=matrix * left[:, None, None]), left
+
+
 def acted_on(matrices: list[Array]) -> Array:
     """``(r, n)``: which modes any of the matrices ``(r, n, n)``, at least one, acts on by more than rounding."""
     columns = np.max([np.abs(matrix).max(axis=1) for matrix in matrices], axis=0)
@@ -238,7 +307,7 @@ def bases(system: GearSystem, whole: bool = False) -> Iterator[FirstOrder]:
         rigid, elastic = modal.rigid, (~modal.rigid[:, None, :]).astype(float)
         parts = [(on_velocity, matrix if on_velocity else matrix * elastic) for on_velocity, matrix in modal.parts]
         # Rounding in the stiffness of a rigid-body mode would bend its uniform motion in the long run.
-        modal = replace(modal, static=modal.static * elastic, parts=parts, rigid=np.zeros_like(rigid),
+        modal = replace(modal, static=modal.static * elastic, parts=parts, rigid=np.zeros_like(rigid), drift=[],
                         squared=np.where(rigid, np.inf, modal.squared))  # fmt: skip
     damped = modal.rigid & acted_on(modal.dissipative())
     for members, _ in equal_rows(modal.rigid.astype(int) + damped):

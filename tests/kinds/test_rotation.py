@@ -1,6 +1,6 @@
 """Matrices that act with a speed of rotation: from a configuration to multipliers, steady states, histories, run-ups.
 
-tests/data/gyroscopic_multipliers.json holds multipliers in forty digits (mpmath) of 14 random systems, rotors.json
+gyroscopic_multipliers.json holds multipliers in forty digits (mpmath) of 14 random systems, rotors.json
 closed forms of whirling (mpmath).
 """
 
@@ -29,7 +29,7 @@ from gearstab.systems import build
 from gearstab.waveforms import Constant
 
 Array = np.ndarray
-DATA = FilePath(__file__).parents[1] / "data"
+DATA = FilePath(__file__).parents[1] / "data" / "rotation"
 RANDOM = json.loads((DATA / "gyroscopic_multipliers.json").read_text())["cases"]
 ROTORS = json.loads((DATA / "rotors.json").read_text())
 

@@ -2,6 +2,8 @@
 
     M q'' + [C + sum_j mean(c_j) u_j v_j^T] q' + [K0 + sum_i k_gi g_i g_i^T + sum_j mean(a_j) u_j v_j^T] q = 0
 
+and what acts with speeds of rotation besides.
+
 The natural frequencies of :func:`gearstab.modal.mean_modes` are those of its symmetric part without damping. Cross
 coupling and negative damping may let the whole grow by itself, without any variation of the mesh stiffness.
 """
@@ -45,15 +47,24 @@ class MeanMotions:
         return np.take_along_axis(self.frequency, np.argsort(self.mode, axis=1), 1)
 
 
-def mean_motions(system: GearSystem) -> MeanMotions:
-    """Return the motions of the mean system of every row of the flattened batch: one eigenproblem each."""
+def mean_motions(system: GearSystem, mesh_frequency: Array | float = 0.0) -> MeanMotions:
+    """Return the motions of the mean system of every row of the flattened batch: one eigenproblem each.
+
+    mesh_frequency: ``()`` or ``(rows,)``, which speeds of rotation follow; they are at rest at 0.
+    """
+    speed = np.broadcast_to(np.asarray(mesh_frequency, dtype=float), (system.rows,))
+    forms = [own.at_speed(omega) for own, omega in zip(elastic_forms(system), speed, strict=True)]
+    rows = [_row(own, level, system.size) for own, level in zip(forms, mean_levels(system), strict=True)]
+    frequency, growth, mode = (np.stack(values) for values in zip(*rows, strict=True))
+    return MeanMotions(frequency, growth, mode)
+
+
+def mean_levels(system: GearSystem) -> Array:
+    """``(rows, J)``, the means of all that varies: of the meshes' stiffnesses, then of the terms' profiles."""
     levels = [system.flat(mesh.mean_stiffness) for mesh in system.meshes]
     profiles = [profile for term in system.terms for profile in term.profiles]
     levels += [system.flat(harmonic(profile, 0).real) for profile in profiles]
-    means = np.stack(levels, axis=-1)
-    rows = [_row(own, level, system.size) for own, level in zip(elastic_forms(system), means, strict=True)]
-    frequency, growth, mode = (np.stack(values) for values in zip(*rows, strict=True))
-    return MeanMotions(frequency, growth, mode)
+    return np.stack(levels, axis=-1)
 
 
 def _row(own: ElasticForm, level: Array, size: int) -> tuple[Array, Array, Array]:

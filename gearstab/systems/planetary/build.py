@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from gearstab.config.model.arrays import vector
 from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row
 from gearstab.systems.planetary.angles import angles_of
+from gearstab.systems.planetary.carrier import rotations
 from gearstab.systems.planetary.phasing import lags
 from gearstab.systems.planetary.rows import SetRows, turn_matrix
 
@@ -47,8 +48,8 @@ def build(p: dict[str, Any]) -> GearSystem:
     of a thin rim unless given), ``supports`` (``ring`` and ``ring_rotation``, k_r and k_ru of Lin & Parker 1999, hold a
     rigid ring only),
     ``pressure_angles``, ``meshes`` (``sun``, ``ring``), ``phases`` or ``teeth`` (:mod:`.phasing`), damping,
-    ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``). ``scaling: dimensionless`` refers masses to m_r,
-    stiffnesses to the mean k_rp and so frequencies to sqrt(k_rp/m_r); lengths keep their scale.
+    ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``), ``carrier_speed`` and ``pin_preload``
+    (:mod:`.carrier`). ``scaling: dimensionless`` refers masses to m_r, stiffnesses to the mean k_rp and so frequencies to sqrt(k_rp/m_r); lengths keep their scale.
 
     Source: Parker 2009, (1)-(8), (26)-(28) and appendix; derived again from the energies, since L2, L4 and M_j are
     misprinted there (derivatives in L2 act on v and v is projected on |m| >= 2; b_r of L4 depends on n and belongs
@@ -70,6 +71,7 @@ def build(p: dict[str, Any]) -> GearSystem:
         symmetries=(gear.cyclic(),) if symmetric else (),
         drawing={} if symmetric else {"planet_angles": vector(gear.angles)},
     )
+    system = replace(system, rotations=rotations(p, system.mass, gear.frame(), gear.names.index("carrier_rotation")))
     if p["scaling"] == "SI":
         return system
     return system.scaled(np.asarray(p["masses"]["ring"], dtype=float), meshes[-1].wave.mean_stiffness)
@@ -135,11 +137,24 @@ class _Gear(SetRows):
 
     def turn(self) -> Array:
         """``(n, n)``, the displacements turned by 2 pi/N: planet n takes what planet n - 1 had."""
-        waves = [(f"ring_c{m}", f"ring_s{m}", m) for m in self.waves]
-        waves += [(f"{body}_x", f"{body}_y", 1) for body in CENTRAL if self.planar]
         ways = ("radial", "tangential", "rotation") if self.planar else ("rotation",)
         planets = [[f"planet{n}_{way}" for n in self.numbers] for way in ways]
-        return turn_matrix({name: k for k, name in enumerate(self.names)}, self.planets, waves, planets)
+        index = {name: k for k, name in enumerate(self.names)}
+        return turn_matrix(index, self.planets, self._central_waves, planets)
+
+    def frame(self) -> Array:
+        """``(n, n)``, J of :func:`.carrier.rotations`: by how much a turn of the frame turns the displacements."""
+        planets = [(f"planet{n}_radial", f"planet{n}_tangential", 1) for n in self.numbers if self.planar]
+        found, index = np.zeros((len(self.names), len(self.names))), self.names.index
+        for first, second, m in (*self._central_waves, *planets):
+            found[index(second), index(first)], found[index(first), index(second)] = m, -m
+        return found
+
+    @property
+    def _central_waves(self) -> list[tuple[str, str, int]]:
+        """Pairs of coordinates of the bodies on the axis that turn by m times the angle of a turn, with m."""
+        waves = [(f"ring_c{m}", f"ring_s{m}", m) for m in self.waves]
+        return waves + [(f"{body}_x", f"{body}_y", 1) for body in CENTRAL if self.planar]
 
 
 def _bodies(gear: _Gear, p: dict[str, Any], ring_angle: Array) -> Iterator[Element]:

@@ -27,7 +27,7 @@ class Turning:
 
     cycles: teeth that mesh in a turn of the input. planets_turn: 1 where planets turn counter-clockwise on the carrier,
     -1 clockwise. sun_drives: whether power goes from the sun to the planets, seen from the carrier. torque: sign of
-    the torque on the sun, counter-clockwise positive.
+    the torque on the sun, counter-clockwise positive. carrier: W_c/Omega, counter-clockwise positive.
 
     Source: Willis' equation, z_s (w_s - w_c) = -z_p (w_p - w_c) = -z_r (w_r - w_c), and virtual work, which makes the
     torques on sun, ring and carrier go as z_s : z_r : -(z_s + z_r).
@@ -37,6 +37,7 @@ class Turning:
     planets_turn: int
     sun_drives: bool
     torque: int
+    carrier: Fraction
 
     @classmethod
     def of(cls, p: dict[str, Any], z_s: float, z_r: float) -> Turning | None:
@@ -50,10 +51,12 @@ class Turning:
         rules = [Relation({driving: 1}, ("input",), 1), Relation({held: 1}, ("fixed",)), through.relation]
         speeds = solve(shares, rules)
         ahead = through.relative(speeds)
-        relative = (-1 if p.get("sense") == SENSES[1] else 1) * (1 if ahead > 0 else -1)
+        sense, cycles = -1 if p.get("sense") == SENSES[1] else 1, through.frequency(speeds)
+        relative = sense * (1 if ahead > 0 else -1)
         given = mapping(p.get("phases")).get("drives")
         sun_drives = given == "sun" if given in DRIVES else (ahead > 0) == (shares[driving] > 0)
-        return cls(through.frequency(speeds), -relative, sun_drives, relative if sun_drives else -relative)
+        torque = relative if sun_drives else -relative
+        return cls(cycles, -relative, sun_drives, torque, sense * speeds["carrier"] / cycles)
 
 
 def lags(p: dict[str, Any], planets: int) -> dict[str, list[Array]]:

@@ -13,7 +13,7 @@ from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import mapping
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, within, wrong_length
-from gearstab.config.model.fields import Choice, Count, Quantity, also
+from gearstab.config.model.fields import Choice, Count, Flag, Quantity, also
 from gearstab.system import GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System, first_number
@@ -32,6 +32,7 @@ from gearstab.systems.planetary.bodies import (
     Supports,
 )
 from gearstab.systems.planetary.build import build, size
+from gearstab.systems.planetary.carrier import CarrierSpeed
 from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, clear_of_each_other, whole
 from gearstab.systems.planetary.meshes import Meshes, Phases, PlanetaryMesh, ToothNumbers
 from gearstab.systems.planetary.phasing import RULES, SENSES, Turning, lags
@@ -130,6 +131,18 @@ class Planetary(System):
         description="Of the input, seen along z, where teeth are given; planets are numbered counter-clockwise.",
     )
 
+    carrier_speed: CarrierSpeed | None = Field(
+        default=None,
+        title="speed of the carrier",
+        description="Of the frame of the coordinates; bodies are at rest without. Damping turns with it.",
+        json_schema_extra=also({"type": ["number", "string"]}),
+    )
+    pin_preload: Flag = Field(
+        default=True,
+        title="preload of the pins",
+        description="Whether planet bearings carry the planets' centrifugal forces, without which no rotation is free.",
+    )
+
     gears: Teeth | None = Field(
         default=None,
         title="gears",
@@ -139,8 +152,9 @@ class Planetary(System):
 
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
-        """Write out the ring's teeth and the angles that are to be assembled."""
+        """Write out the ring's teeth, the angles that are to be assembled, and a speed written in short."""
         angles.complete(document, raw)
+        CarrierSpeed.complete(document, raw)
 
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
@@ -262,6 +276,7 @@ class Planetary(System):
                 for key in keys:
                     if inner is not None and inner.get(key) is None:
                         yield (section, key), "missing", "is missing", f"add {key}, which planar motion needs"
+        yield from CarrierSpeed.conflicts(raw)
         yield from _phases(raw)
         if raw.get("input", "sun") == raw.get("fixed", "ring"):
             where = "input" if "input" in raw else "fixed"

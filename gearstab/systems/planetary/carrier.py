@@ -1,0 +1,99 @@
+"""Speed of the carrier, in whose turning frame the coordinates of a planetary gear are written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.conflicts import Conflict, exactly_one, within
+from gearstab.config.model.fields import Flag, Quantity, Ratio, Section
+from gearstab.rotation import Rotation
+from gearstab.system import Array
+from gearstab.systems.planetary.phasing import Turning
+
+FROM_TEETH = "from_teeth"
+"""Written in place of the speed: as the teeth, input and fixed body say."""
+
+
+class CarrierSpeed(Section):
+    """W_c, counter-clockwise positive as planets are numbered: a part of the mesh frequency, or held."""
+
+    speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(
+        default=None, title="speed ratio of the carrier", description='W_c/Omega, exact: "1/99"; or in short.'
+    )
+    speed: Annotated[float, Quantity("rad/s")] | None = Field(
+        default=None,
+        title="speed of the carrier",
+        description='W_c, held whatever the mesh frequency (rad/s, "30 rpm").',
+    )
+    from_teeth: Flag = Field(
+        default=False, title="speed from the teeth", description="W_c/Omega of teeth, input and fixed; or in short."
+    )
+
+    @classmethod
+    def complete(cls, document: Document, raw: dict[str, Any]) -> None:
+        """Write out what is written in short, a ratio or FROM_TEETH."""
+        short, path = raw.get("carrier_speed"), ("system", "carrier_speed")
+        if short is not None and not isinstance(short, dict):
+            key, value = ("from_teeth", True) if short == FROM_TEETH else ("speed_ratio", short)
+            document.put(path, {key: value}, document.where(path))
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """One speed, of a gear whose bodies move in the plane and whose elastic ring does not turn."""
+        given = raw.get("carrier_speed")
+        if given is None:
+            return
+        if not given.get("from_teeth"):
+            yield from within(raw, "carrier_speed", lambda part: exactly_one(part, ("speed_ratio", "speed")))
+        elif not raw.get("teeth"):
+            yield ("carrier_speed",), "needs_other", "needs the numbers of teeth", "add teeth, or give the ratio"
+        if raw.get("motion", "planar") != "planar":
+            hint = "remove it, or take motion: planar"
+            yield ("carrier_speed",), "not_applicable", "acts on translations, and bodies only rotate", hint
+        if (raw.get("ring") or {}).get("kind") == "elastic" and raw.get("fixed", "ring") != "ring":
+            message = "an elastic ring that turns is stretched by its own speed, which is not modelled"
+            yield ("carrier_speed",), "not_applicable", message, "take fixed: ring, or a rigid ring"
+        if raw.get("pin_preload", True) and (raw.get("supports") or {}).get("planet") == 0:
+            hint = "give supports.planet, or set pin_preload: false"
+            yield ("carrier_speed",), "inconsistent", "no bearing keeps the planets from flying off", hint
+
+
+def rotations(p: dict[str, Any], mass: Array, frame: Array, carrier: int) -> tuple[Rotation, ...]:
+    """Return the rotation of the frame of a section ``system``; none where the carrier does not turn.
+
+    A point that the frame carries along moves by q' + W J q, so that the kinetic energy gives
+
+        M q'' + W (M J - J^T M) q' - W^2 J^T M J q,   J = m [[0, -1], [1, 0]]
+
+    mass: M. frame: J, with m = 1 of translations and m of a ring's deflection of m waves: the ring is at rest, and its
+    deflection passes the frame. carrier: position of u_c, on which ``pin_preload`` acts: a planet's bearing carries the
+    centrifugal force of the planet, and this force turns with the pin. Without it no rotation is free.
+
+    Damping acts between bodies and the frame, so that it turns with the carrier.
+
+    Sources: Lin & Parker 1999 (J. Vib. Acoust. 121, 316-321), without the preload, which is derived here.
+    """
+    given = p.get("carrier_speed") or {}
+    ratio, teeth = given.get("speed_ratio"), p.get("teeth")
+    if given.get("from_teeth") and teeth and (moving := Turning.of(p, int(teeth["sun"]), int(teeth["ring"]))):
+        ratio = moving.carrier
+    if not ratio and given.get("speed") is None:
+        return ()
+    speed, back = np.asarray(given.get("speed") or 0.0, dtype=float), frame.T
+    rotation = Rotation(ratio, speed, gyroscopic=mass @ frame - back @ mass, centripetal=-back @ mass @ frame)
+    return (replace(rotation, **_preload(p, frame.shape[-1], carrier)) if p.get("pin_preload", True) else rotation,)
+
+
+def _preload(p: dict[str, Any], size: int, carrier: int) -> dict[str, Array]:
+    """W^2 m_p k_p/(k_p - W^2 m_p) of each planet on u_c, as ``preload`` and ``softening``."""
+    mass, stiffness = (np.asarray(p[section]["planet"], dtype=float) for section in ("masses", "supports"))
+    place = np.zeros((size, size))
+    place[carrier, carrier] = float(p["planets"])
+    return {"preload": mass[..., None, None] * place, "softening": mass / stiffness}

@@ -1,0 +1,169 @@
+"""Planetary gears whose carrier turns: natural frequencies, divergence, multipliers, free rotation, the elastic ring.
+
+tests/data/rotation/carrier_speed.json holds natural frequencies in carrier coordinates (numpy, the Hamiltonian form and
+mpmath agree) and multipliers over a mesh cycle (carrier frame and fixed frame agree to 4e-11).
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from planetary_gears import parameters
+
+import gearstab as gs
+from gearstab.config import ConfigError, load
+from gearstab.floquet import solve
+from gearstab.floquet.general.mean import mean_motions
+from gearstab.system import GearSystem
+from gearstab.systems import build
+
+DATA = json.loads((Path(__file__).parents[2] / "data" / "rotation" / "carrier_speed.json").read_text())
+GEARS, FRAMES = DATA["carrier_speed"]["cases"], DATA["frames"]["cases"]
+BODIES = ("ring", "carrier", "sun", "planet")
+
+
+def section(own: dict[str, Any], speed: Any, waves: dict[str, Any] | None = None, **changes: Any) -> dict[str, Any]:
+    """A gear of the reference as the section ``system``; without waves all in phase, at their mean stiffness."""
+    waves = waves or {
+        "epsilon": 0.0, "contact_ratio_sun": 1.5, "contact_ratio_ring": 1.5,
+        "gamma_sn": [0.0] * own["planets"], "gamma_sr": 0.0,
+    }  # fmt: skip
+    meshes = {
+        name: {
+            "mean_stiffness": own[key],
+            "epsilon": waves["epsilon"],
+            "contact_ratio": waves[f"contact_ratio_{name}"],
+        }
+        for name, key in (("sun", "k_sp"), ("ring", "k_rp"))
+    }
+    held = {name: own[f"k_{name[0]}"] for name in BODIES}
+    held |= {f"{name}_rotation": own[f"k_{name[0]}u"] for name in ("ring", "carrier", "sun")}
+    return {
+        "kind": "planetary", "planets": own["planets"], "ring": {"kind": "rigid"},
+        "masses": {name: own[f"m_{name[0]}"] for name in BODIES},
+        "inertias": {name: own[f"I_{name[0]}"] for name in BODIES},
+        "supports": held, "pressure_angles": {"sun": own["alpha_s"], "ring": own["alpha_r"]}, "meshes": meshes,
+        "phases": {"sun": waves["gamma_sn"], "sun_ring": waves["gamma_sr"]}, "carrier_speed": speed,
+    } | changes  # fmt: skip
+
+
+def built(own: dict[str, Any]) -> GearSystem:
+    return build(load({"system": own}).parameters)
+
+
+@pytest.mark.parametrize("gear", GEARS, ids=[gear["name"] for gear in GEARS])
+@pytest.mark.parametrize(("key", "preload"), [("as_printed", False), ("with_pin_preload", True)])
+def test_natural_frequencies_of_a_turning_carrier(gear: dict[str, Any], key: str, preload: bool) -> None:
+    for row in gear[key]:
+        speed = {"speed": row["carrier_speed_rad_s"]}
+        found = mean_motions(built(section(gear["parameters"], speed, pin_preload=preload)))
+        expected = np.array(row["whirl_frequencies_rad_s"])
+        own = found.frequency[0]
+        np.testing.assert_allclose(own[own > 1e-3], expected[expected > 1e-3], rtol=1e-9)
+        # The motion that diverges where pins carry no preload; the free rotation has no growth at all with it.
+        growth = max((real for real, _ in row["growing_eigenvalues_re_absim"]), default=0.0)
+        if preload or row["carrier_speed_rad_s"] > 0:
+            # Rounding of a real exponent: of the largest one.
+            assert found.growth_rate.max() == pytest.approx(growth, abs=1e-10 * expected.max())
+
+
+@pytest.mark.parametrize("case", FRAMES, ids=[case["name"] for case in FRAMES])
+def test_multipliers_over_a_mesh_cycle(case: dict[str, Any]) -> None:
+    own = section(case["parameters"], f"1/{case['ring_teeth']}", case, pin_preload=case["pin_preload"])
+    found = solve(built(own), np.array([case["mesh_frequency_rad_s"]]), exponents=True)
+    multipliers = np.exp(found.exponents[0, 0] * case["mesh_cycle"])
+    expected = np.array([complex(*value) for value in case["multipliers_over_mesh_cycle_carrier_frame"]])
+    gap = np.abs(multipliers[:, None] - expected)
+    assert gap.min(axis=0).max() < 1e-9 * np.abs(expected).max()
+    left_out = np.sort(np.abs(multipliers - 1))[: case["multipliers_of_free_rotation_left_out"]]
+    # Neither of both is one to the root of rounding only, as a double multiplier would be.
+    assert left_out.max(initial=0.0) < 1e-12
+    assert found.growth_rate[0, 0] == pytest.approx(case["growth_rate"], rel=1e-9)
+
+
+@pytest.mark.parametrize("damping_ratio", [0.0, 1e-6, 0.02])
+def test_the_free_rotation_colours_no_map(damping_ratio: float) -> None:
+    """A double exponent of zero would be a growth of about 1e-5 1/s by rounding, at every other point."""
+    case = FRAMES[0]
+    own = section(case["parameters"], "1/82", damping_ratio=damping_ratio)
+    found = solve(built(own), np.linspace(3e3, 9e4, 40))
+    assert (found.stable == 1).all()
+    assert (found.growth_rate <= 0).all()
+
+
+def test_waves_of_a_ring_at_rest_pass_the_frame() -> None:
+    """A ring that no mesh holds: its waves w_m are seen with w_m + m W and w_m - m W from the carrier."""
+    speed, planets = 0.05, 4
+    free = {name: {"mean_stiffness": 1.0, "epsilon": 0.0, "contact_ratio": 1.5} for name in ("sun", "ring")}
+    ring = {"kind": "elastic", "harmonics": 4, "bending_stiffness": 5e7}
+    own = parameters(planets, scaling="SI", ring=ring, meshes=free)
+    speeds = ({}, {"carrier_speed": {"speed": speed}})
+    at_rest, turning = (mean_motions(build(own | more)).frequency[0] for more in speeds)
+    for m in range(2, 5):
+        w = np.sqrt(np.pi * 5e7 * (m * (m**2 - 1)) ** 2 / (6.35 * (1 + m**2) / 2))
+        # Mesh stiffnesses of 1 N/m change frequencies by 1e-9 of their own size.
+        for expected in (w - m * speed, w + m * speed):
+            assert np.abs(turning - expected).min() < 1e-3 * speed
+        assert np.sum(np.abs(at_rest - w) < 1e-3 * speed) == 2
+
+
+TEETH = {"sun": 30, "planet": 26, "ring": 82}
+
+
+@pytest.mark.parametrize(
+    ("changes", "ratio"),
+    [
+        ({}, "1/82"),
+        ({"sense": "clockwise"}, "-1/82"),
+        ({"input": "carrier", "fixed": "sun"}, "1/30"),
+        ({"input": "ring", "fixed": "sun", "sense": "clockwise"}, "-1/30"),
+        ({"fixed": "carrier"}, None),
+    ],
+)
+def test_the_speed_follows_from_the_teeth(changes: dict[str, Any], ratio: str | None) -> None:
+    """A planet passes a tooth of the member at rest in each mesh cycle."""
+    own = section(GEARS[0]["parameters"], "from_teeth", planets=4, teeth=TEETH, phases={}, **changes)
+    rotations = built(own).rotations
+    assert [str(rotation.speed_ratio) for rotation in rotations] == ([ratio] if ratio else [])
+
+
+def test_units_of_the_scaling() -> None:
+    own = section(GEARS[0]["parameters"], {"speed": 400.0})
+    plain, scaled = (mean_motions(built(own | {"scaling": name})).frequency[0] for name in ("SI", "dimensionless"))
+    unit = np.sqrt(GEARS[0]["parameters"]["k_rp"] / GEARS[0]["parameters"]["m_r"])
+    np.testing.assert_allclose(scaled * unit, plain, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"motion": "rotational"}, "carrier_speed: acts on translations, and bodies only rotate"),
+        (
+            {"ring": {"kind": "elastic", "bending_stiffness": 1e8}, "fixed": "sun", "input": "ring", "supports": {
+                "planet": 1e8}},
+            "carrier_speed: an elastic ring that turns is stretched by its own speed",
+        ),
+        ({"carrier_speed": "from_teeth"}, "carrier_speed: needs the numbers of teeth"),
+        ({"carrier_speed": {"speed": "30 rpm", "speed_ratio": 1}}, "speed_ratio is given already"),
+        ({"carrier_speed": {}}, "speed_ratio or speed is missing"),
+        ({"carrier_speed": 0.123456}, "the ratio must be exact"),
+        ({"supports": {"planet": 0.0}}, "no bearing keeps the planets from flying off"),
+    ],
+)  # fmt: skip
+def test_mistakes_get_a_line(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError) as raised:
+        load({"system": section(GEARS[0]["parameters"], "1/82") | changes})
+    assert said in str(raised.value)
+    assert len(raised.value.problems) == 1
+
+
+def test_from_a_file_to_a_map() -> None:
+    case = FRAMES[2]
+    own = section(case["parameters"], f"1/{case['ring_teeth']}", case)
+    speeds = [case["mesh_frequency_rad_s"], 2e4]
+    tree = gs.sweep(gs.load({"system": own, "sweep": {"mesh_frequency": speeds}, "methods": {"floquet": {}}}))
+    assert tree["floquet/growth_rate"].values[0] == pytest.approx(case["growth_rate"], rel=1e-9)
