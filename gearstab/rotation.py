@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -81,8 +82,9 @@ class Rotation:
     def mapped(self, matrix: Callable[[Array], Array]) -> Rotation:
         """Return the rotation with all its matrices mapped."""
         names = ("gyroscopic", "circulatory", "centripetal", "preload")
-        found = {name: own for name in names if (own := getattr(self, name)) is not None}
-        return replace(self, **{name: matrix(own) for name, own in found.items()})
+        given = {name: own for name in names if (own := getattr(self, name)) is not None}
+        found: dict[str, Any] = {name: matrix(own) for name, own in given.items()}
+        return replace(self, **found)
 
     def scaled(self, mass: Array, stiffness: Array) -> Rotation:
         """Return the rotation in units of a mass and a stiffness ``(...)``, so of sqrt(mass/stiffness) for time."""

@@ -103,7 +103,12 @@ class ModalMatrices:
         own = {name: getattr(self, name)[index] for name in ("shapes", "squared", "rate", "rigid", "static", "damping")}
         turning, drift = (
             [
-                replace(term, matrix=term.matrix[index], speed=term.speed[index], softening=term.softening[index])
+                replace(
+                    term,
+                    matrix=term.matrix[index],
+                    speed=np.asarray(term.speed)[index],
+                    softening=np.asarray(term.softening)[index],
+                )
                 for term in terms
             ]
             for terms in (self.turning, self.drift)

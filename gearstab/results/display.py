@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 FREQUENCY, SPECTRAL = "mesh_frequency", "frequency"
+SPEED_RATIOS = "speed_ratios"
+"""Attribute of natural frequencies that follow the speed: of the rotations, to the mesh frequency."""
 SPEEDS = (FREQUENCY, "input_speed")
 """Axes along which the mesh frequency varies."""
 FACTOR = "mesh_frequency_factor"

@@ -192,3 +192,30 @@ def test_natural_frequencies_alone_are_drawn_over_their_axis() -> None:
     (panel,) = artists["panels"]
     assert not panel["orders"]
     np.testing.assert_allclose(panel["modes"][0].get_xdata(), [0.2, 1.0, 5.0])
+
+
+def test_natural_frequencies_that_follow_the_speed() -> None:
+    """A disc that tilts about both axes, on a mesh: I q'' + W I_p (b', -a') + k q, a forward and a backward motion."""
+    rotor = {
+        "kind": "matrices", "mass": [[1.0, 0], [0, 1.0]], "stiffness": [[4.0, 0], [0, 4.5]],
+        "meshes": [{"direction": [0, 1.0], "mean_stiffness": 0.5, "epsilon": 0.3, "contact_ratio": 1.5}],
+        "rotation": {"speed_ratio": "1/4", "gyroscopic": [[0, 1.5], [-1.5, 0]]},
+    }  # fmt: skip
+    config = {
+        "system": rotor,
+        "sweep": {"mesh_frequency": {"start": 1.0, "stop": 6.0, "num": 101}},
+        "methods": {"natural_frequencies": {}, "floquet": {}},
+    }
+    tree = gearstab.sweep(gearstab.load(config))
+    _, artists = draw(tree, "campbell", Request())
+    (panel,) = artists["panels"]
+    backward, forward = (line.get_ydata() for line in panel["modes"])
+    assert (np.diff(forward) > 0).all()
+    assert (np.diff(backward) < 0).all()
+    # In the stiffer of two directions only the sum is that of the plane: w_1^2 w_2^2 = k_1 k_2.
+    np.testing.assert_allclose(forward * backward, np.sqrt(4.0 * 5.0), rtol=1e-12)
+    unstable = tree["floquet/stable"].values == 0
+    assert unstable.any()
+    spans = [path.get_extents().intervalx for path in panel["bands"].get_paths()]
+    speeds = np.linspace(1.0, 6.0, 101)
+    np.testing.assert_array_equal([any(a < w < b for a, b in spans) for w in speeds], unstable)

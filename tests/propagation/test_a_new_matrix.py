@@ -173,7 +173,7 @@ def test_a_method_that_does_not_declare_it_refuses(name: str) -> None:
         METHODS[name](None, toy()).require(METHODS[name].supports, METHODS[name].remedies)
 
 
-def test_methods_that_propagate_the_first_order_form_declare_it() -> None:
+def test_methods_that_take_the_first_order_form_declare_it() -> None:
     declared = {name for name, method in METHODS.items() if Feature.UNSYMMETRIC_DAMPING in method.supports}
-    assert declared == {"floquet", "response"}
+    assert declared == {"floquet", "natural_frequencies", "response"}
     assert unsupported(toy(), METHODS["floquet"].supports) is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gearstab.config.configuration import Config
 from gearstab.config.document.problems import ConfigError
-from gearstab.methods import OptionError, chosen
+from gearstab.methods import POINTS, OptionError, chosen
 from gearstab.system import GearSystem
 
 
@@ -14,6 +14,9 @@ def check(config: Config, base: GearSystem) -> None:
     for method in chosen(config.methods, base):
         try:
             method.check()
+            if method.frequency == POINTS and all(axis.mesh_frequency is None for axis in config.axes):
+                message = "needs a mesh_frequency axis: speeds of rotation follow it"
+                raise OptionError((), message, "add mesh_frequency: {start: .., stop: .., num: ..} to sweep")
         except OptionError as error:
             found.append(config.problem(("methods", method.name, *error.path), "option", str(error), error.remedy))
     if found:

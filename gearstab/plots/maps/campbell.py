@@ -31,6 +31,7 @@ from gearstab.plots.drawing.text import bracketed, fitted, plain, tongue_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import branches
 from gearstab.plots.maps.branches import Region
+from gearstab.plots.motions.whirl import WhirlCurves
 from gearstab.plots.view import Request, View, view_along
 from gearstab.results.display import RATIOS, SPEEDS
 
@@ -109,9 +110,15 @@ class Panel:
     def __init__(self, tree: xr.DataTree, view: View, speed: FigureAxis | None) -> None:
         self.tree, self.view = tree, view
         self.parameter = None if view.speed is not None else view.x
-        self.modes = branches.read_frequencies(tree, view, self.parameter)
-        self.branches = branches.read_branches(tree, view, self.parameter, self.modes.shape[1])
-        self.regions = branches.read_regions(tree, view, self.parameter)
+        self.whirl = WhirlCurves.read(tree, view, speed)
+        if self.whirl is not None:
+            self.modes = self.whirl.frequency
+            self.branches = np.tile(np.arange(self.modes.shape[1]), (len(self.modes), 1))
+            self.regions = []
+        else:
+            self.modes = branches.read_frequencies(tree, view, self.parameter)
+            self.branches = branches.read_branches(tree, view, self.parameter, self.modes.shape[1])
+            self.regions = branches.read_regions(tree, view, self.parameter)
         self.ratios = mesh_ratios(tree, self.regions)
         self.at = fixed_speed(tree, view, speed)
         factor = (speed.factor or 1.0) if speed is not None else None
@@ -172,6 +179,8 @@ NOTHING: Artists = {"regions": {}, "closed": {}, "bands": None}
 def draw_modes(ax: Axes, panel: Panel, unit: float) -> list[Line2D]:
     """The natural frequencies above zero: level over the speed, else a colour for each branch."""
     lines: list[Line2D] = []
+    if panel.whirl is not None:
+        return panel.whirl.draw(ax, unit, panel.view.factor or 1.0)
     for k in range(panel.modes.shape[1]):
         own = panel.modes[np.arange(len(panel.modes)), panel.branches[:, k]] / unit
         if not np.nanmax(own, initial=0.0) > 0:
@@ -247,7 +256,7 @@ def draw_crossings(ax: Axes, panel: Panel, unit: float) -> Artists:
     if len(closed.two) > MOST_CLOSED:
         closed.two.clear()
     ax.add_collection(LineCollection(bars, colors=UNSTABLE, linewidths=2.6, zorder=2.5), autolim=False)
-    edges = [(a[0], b[0] - a[0]) for a, b in bars]
+    edges = [(a[0], b[0] - a[0]) for a, b in bars] if panel.whirl is None else panel.whirl.bands()
     look: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "facecolors": SHADE, "linewidth": 0, "zorder": 0.5}
     bands = ax.broken_barh(edges, (0, 1), **look) if edges else None
     return NOTHING | {"regions": marks.draw(ax, False), "closed": closed.draw(ax, True), "bands": bands}
@@ -341,8 +350,10 @@ def legend_handles(panels: list[Panel], drawn: list[Artists]) -> list[Any]:
     """One entry for each sort of line and mark that was drawn."""
     ratios, over_speed = panels[0].ratios, panels[0].parameter is None
     handles: list[Any] = []
-    damped = branches.damped(panels[0].tree)
-    if over_speed or damped:
+    damped, whirl = branches.damped(panels[0].tree), panels[0].whirl
+    if whirl is not None:
+        handles += whirl.handles()
+    elif over_speed or damped:
         words = "damped natural frequencies" if damped else "natural frequencies"
         handles.append(Line2D([], [], color=LINE, linewidth=0.9 if over_speed else 0.0, label=words))
     if any(artists["orders"] for artists in drawn):

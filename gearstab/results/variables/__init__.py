@@ -124,6 +124,20 @@ MODES_WITH_TERMS = _with_terms(MODES)
 NATURAL_FREQUENCIES_WITH_TERMS = _with_terms(NATURAL_FREQUENCIES)
 
 
+WHIRL = (
+    coordinate("mode", "mode", "i4", "1", "number of the mode, by ascending natural frequency at the lowest speed"),
+    Variable("natural_frequency", (GRID, "mode"), "f8", "rad/s", "damped natural frequency of the mean system, followed"
+             " over the speed by shape"),
+    Variable("growth_rate", (GRID, "mode"), "f8", "1/s", "growth rate of the motion without any variation"),
+    Variable("damping_ratio", (GRID, "mode"), "f8", "1", "damping ratio of the motion"),
+    Variable("whirl", (GRID, "mode"), "i1", "1", "sense of the orbits of bodies, in the coordinates of the model",
+             {"flag_values": [-1, 0, 1], "flag_meanings": "backward neither forward"}),
+    Variable("veering", (GRID, "mode"), "i1", "1", "whether the motion is nearest to another one and takes its shape",
+             {"flag_values": [0, 1], "flag_meanings": "no yes"}),
+)  # fmt: skip
+"""Motions of a system whose speeds of rotation follow the mesh frequency."""
+
+
 DEFLECTION_TYPE = Variable(
     "mesh_deflection_type",
     ("mode",),

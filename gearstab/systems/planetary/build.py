@@ -49,7 +49,8 @@ def build(p: dict[str, Any]) -> GearSystem:
     rigid ring only),
     ``pressure_angles``, ``meshes`` (``sun``, ``ring``), ``phases`` or ``teeth`` (:mod:`.phasing`), damping,
     ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``), ``carrier_speed`` and ``pin_preload``
-    (:mod:`.carrier`). ``scaling: dimensionless`` refers masses to m_r, stiffnesses to the mean k_rp and so frequencies to sqrt(k_rp/m_r); lengths keep their scale.
+    (:mod:`.carrier`). ``scaling: dimensionless`` refers masses to m_r, stiffnesses to the mean k_rp and so
+    frequencies to sqrt(k_rp/m_r); lengths keep their scale.
 
     Source: Parker 2009, (1)-(8), (26)-(28) and appendix; derived again from the energies, since L2, L4 and M_j are
     misprinted there (derivatives in L2 act on v and v is projected on |m| >= 2; b_r of L4 depends on n and belongs

@@ -88,12 +88,10 @@ def rotations(p: dict[str, Any], mass: Array, frame: Array, carrier: int) -> tup
         return ()
     speed, back = np.asarray(given.get("speed") or 0.0, dtype=float), frame.T
     rotation = Rotation(ratio, speed, gyroscopic=mass @ frame - back @ mass, centripetal=-back @ mass @ frame)
-    return (replace(rotation, **_preload(p, frame.shape[-1], carrier)) if p.get("pin_preload", True) else rotation,)
-
-
-def _preload(p: dict[str, Any], size: int, carrier: int) -> dict[str, Array]:
-    """W^2 m_p k_p/(k_p - W^2 m_p) of each planet on u_c, as ``preload`` and ``softening``."""
-    mass, stiffness = (np.asarray(p[section]["planet"], dtype=float) for section in ("masses", "supports"))
-    place = np.zeros((size, size))
+    if not p.get("pin_preload", True):
+        return (rotation,)
+    # W^2 m_p k_p/(k_p - W^2 m_p) of each planet.
+    own, bearing = (np.asarray(p[section]["planet"], dtype=float) for section in ("masses", "supports"))
+    place = np.zeros(frame.shape)
     place[carrier, carrier] = float(p["planets"])
-    return {"preload": mass[..., None, None] * place, "softening": mass / stiffness}
+    return (replace(rotation, preload=own[..., None, None] * place, softening=own / bearing),)
