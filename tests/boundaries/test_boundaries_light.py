@@ -15,13 +15,13 @@ from random_trains import light_contradictions, light_train
 from gearstab.floquet.boundaries import BOUNDARY_FLAGS, boundaries
 from gearstab.floquet.boundaries.regions import sampled
 
-HARD = (16, 20, 27, 34, 38, 1010, 2114, 2234, 2296, 2604, 2674, 3004, 3015, 3450)
+HARD = (16, 20, 27, 34, 38, 1010, 2114, 2234, 2296, 2604, 2674, 3004, 3015, 3450, 3777)
 """Gaps where multipliers meet inside of a region or change their kind; a tongue in part kept stable by damping; a
 tongue of 2e-5 at 3e-4 beside a wide one, one of whose multipliers it shares; a gap some widths beside a meeting, where
 both grow equally; a tongue about which two phases turn at a rate of their own; a gap where three multipliers meet; a
 gap and a tongue beside a meeting, where a complex coupling has the least and the most growth;
 tongues within the phases that they lock, where the modes are damped strongly; growth barely above zero between samples,
-steep on one side only."""
+steep on one side only; a gap in a corner whose branches fall faster than their lines."""
 
 
 def check(seeds: Iterable[int]) -> tuple[int, int]:

@@ -175,16 +175,19 @@ def _corners(scan: Scan, floor: float) -> list[tuple[Array, Array]]:
 
 def _meeting(r: Array, x: Array, g: Array, hope: float, floor: float) -> tuple[Array, Array]:
     """Where lines through the two samples on either side of two positive ones meet, if ``hope`` times the fall that
-    they promise crosses zero.
+    they promise crosses zero; the middle where they meet outside, and either is below zero at the other sample: it goes
+    on for as long as another solution is not above it, and falls faster than its line.
     """
     b, c, low = x[1:-2], x[2:-1], np.minimum(g[1:-2], g[2:-1])
-    above = (r[3:] == r[:-3]) & (low > 0)
+    above = (r[3:] == r[:-3]) & (low > 0) & (c - b > floor)
     with np.errstate(divide="ignore", invalid="ignore"):
         left, right = (g[1:-2] - g[:-3]) / (b - x[:-3]), (g[3:] - g[2:-1]) / (x[3:] - c)
         meet = (g[2:-1] - g[1:-2] + left * b - right * c) / (left - right)
         value = g[1:-2] + left * (meet - b)
-    sharp = above & (meet > b) & (meet < c) & (low < hope * (low - value)) & (c - b > floor)
-    place = np.clip(meet, b + INSIDE * (c - b), c - INSIDE * (c - b))
+        beyond = np.minimum(g[1:-2] + left * (c - b), g[2:-1] + right * (b - c))
+    inside = (meet > b) & (meet < c)
+    sharp = above & np.where(inside, low < hope * (low - value), beyond < 0)
+    place = np.where(inside, np.clip(meet, b + INSIDE * (c - b), c - INSIDE * (c - b)), 0.5 * (b + c))
     return r[1:-2][sharp], place[sharp]
 
 
