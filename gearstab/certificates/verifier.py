@@ -115,7 +115,10 @@ def _grows_or_decays(flow: Flow, piece: Certificate, start: arb_mat, middle: arb
     signs = np.where(np.arange(start.nrows()) < piece.outside, 1.0, -1.0)
     form, rate = exact(np.diag(signs)), arb(piece.rate)
     # Long segments in shorter ones.
-    generators, segments, fractions, back = [], [], [], start.inv()
+    generators: list[arb_mat] = []
+    segments: list[arb_mat] = []
+    fractions: list[float] = []
+    back = start.inv()
     for generator, f in zip(flow.generators, flow.fractions, strict=True):
         size = float(_norm(back * generator * start) * half * f) / LONGEST
         if not size < FINEST:
@@ -203,7 +206,7 @@ def _swept(
     """
     back = start.inv()
     flows = [near(back * segment * start) for segment in segments]
-    decay = -sum(np.diag(near(back * exponent * start)) for exponent in exponents)
+    decay = -np.sum([np.diag(near(back * exponent * start)) for exponent in exponents], axis=0)
     slow = 0.5 * min(decay.min(), -np.log(np.abs(np.linalg.eigvals(whole)).max()))
 
     def swept(form: Array) -> list[Array]:

@@ -58,9 +58,10 @@ def _certificates(stored: xr.DataTree) -> str:
     """What of the range has certificates, "" without any."""
     from gearstab.certificates.shares import said
 
-    found = stored["boundaries"] if "boundaries" in stored.children else {}
-    names = ("certified_share", "uncertified_width")
-    return said(*(found[name].values for name in names)) if all(name in found for name in names) else ""
+    if "boundaries" not in stored.children or "uncertified_width" not in stored["boundaries"].data_vars:
+        return ""
+    found = stored["boundaries"].to_dataset()
+    return said(found["certified_share"].values, found["uncertified_width"].values)
 
 
 def _group(name: str, dataset: xr.Dataset) -> dict[str, Any]:
