@@ -196,7 +196,7 @@ class Floquet(Restricted):
         """Of a system with a common period."""
         from gearstab.floquet.report import reduction
 
-        return reduction(system).cost * (5 if self.options.exponents or system.damping is not None else 1)
+        return reduction(system).cost * (5 if self.options.exponents or system.damped else 1)
 
     def _segments(self) -> float:
         """In the window of a Lyapunov exponent."""
