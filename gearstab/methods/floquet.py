@@ -101,9 +101,7 @@ class Floquet(Restricted):
 
     @classmethod
     def on(cls, options: Any, system: GearSystem) -> Method:
-        from gearstab.rotating_pair import RotatingPair
-
-        return (Orbits if isinstance(system, RotatingPair) else cls)(options, system)
+        return (Orbits if system.formulations else cls)(options, system)
 
     @cached_property
     def basis(self) -> Array | None:

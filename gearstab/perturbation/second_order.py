@@ -12,7 +12,11 @@ from gearstab.perturbation.multiple_scales import Group, ModalQuantities, first_
 from gearstab.perturbation.reduced import Reduced, adjoint, edges, second_threshold
 from gearstab.perturbation.response import Pairs, limit, nearest_resonance, second_order_coupling
 from gearstab.perturbation.tongues import ParametricExcitation, Tongues, excitations, products
-from gearstab.system import Array, GearSystem
+from gearstab.support import unsupported
+from gearstab.system import Array, Feature, GearSystem
+
+SUPPORTS = frozenset({Feature.IRRATIONAL_RATIO})
+"""The features of systems that second order takes."""
 
 CLOSEST = 1e-12
 """A distance from another resonance below this part of the frequency is as good as none."""
@@ -70,13 +74,13 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
     mix most with the two in resonance, or half-width over natural frequency; to which is added the change of the
     nearest resonance's contribution across the tongue. It has the size of the third-order terms, but is no bound.
 
-    Raises ValueError for a system with periodic terms besides its meshes.
+    Raises ValueError for a system with other features than SUPPORTS.
 
     Source: the method is the elimination known as Lyapunov-Schmidt reduction; the terms of first order are those of
     :func:`first_order`.
     """
-    if system.general:
-        raise ValueError("periodic terms beside the mesh stiffness are not supported here")
+    if refused := unsupported(system, SUPPORTS):
+        raise ValueError(refused[0])
     more = products(system, harmonics)
     first = first_order(system, harmonics, modes, more)
     modal = modal_rows(system)
