@@ -237,9 +237,7 @@ def mesh_energy_shares(system: GearSystem, modes: Modes) -> Array:
 def modal_damping_ratios(system: GearSystem, modes: Modes) -> Array:
     """zeta_p = phi_p^T C phi_p/(2 w_p), ``(..., n)``; NaN for modes without positive stiffness."""
     squared = np.where(modes.squared_frequency > 0, modes.squared_frequency, np.nan)
-    if system.damping is None:
-        return np.where(np.isnan(squared), np.nan, 0.0)
-    rate = np.einsum("...ip,...ij,...jp->...p", modes.shapes, system.damping, modes.shapes)
+    rate = np.einsum("...ip,...ij,...jp->...p", modes.shapes, system.damping_matrix, modes.shapes)
     return rate / (2 * np.sqrt(squared))
 
 

@@ -107,6 +107,11 @@ class RotatingPair(GearSystem):
     formulation: str
     numbers: PairNumbers
 
+    @property
+    def formulations(self) -> tuple[str, ...]:
+        """The formulations between which a pair may change."""
+        return CLASSICAL, RIGID_KINEMATIC, ENERGY_CONSERVING
+
     @cached_property
     def features(self) -> frozenset[Feature]:
         """The features that a theory of this pair must support."""

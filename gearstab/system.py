@@ -239,6 +239,21 @@ class GearSystem:
         return self.units or ("m",) * self.size
 
     @property
+    def formulations(self) -> tuple[str, ...]:
+        """The formulations of its motion, where there are others than the linear one."""
+        return ()
+
+    @property
+    def damping_matrix(self) -> Array:
+        """C, ``(..., n, n)``, zero for an undamped system."""
+        return np.zeros((self.size, self.size)) if self.damping is None else self.damping
+
+    @property
+    def damped(self) -> bool:
+        """Whether it has a damping matrix."""
+        return self.damping is not None
+
+    @property
     def size(self) -> int:
         """n, the number of coordinates."""
         return int(np.shape(self.mass)[-1])

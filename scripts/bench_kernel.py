@@ -97,13 +97,7 @@ def gearbox() -> GearSystem:
 
 def generators(pattern: Pattern) -> Array:
     """``(D, 2n, 2n)`` of the first row."""
-    damping = pattern.elastic.damping
-    n, states = pattern.size, pattern.stiffness.shape[1]
-    if damping is not None:
-        return damped.generators(pattern, damping).matrix[0]
-    a = np.zeros((states, 2 * n, 2 * n))
-    a[:, :n, n:], a[:, n:, :n] = np.eye(n), -pattern.stiffness[0]
-    return a
+    return damped.generators(pattern).matrix[0]
 
 
 def expm_product(pattern: Pattern, omega: Array) -> list[Array]:
@@ -223,7 +217,7 @@ def shares() -> None:
     with counting() as counter:
         for name, ratios in DAMPING.items():
             (pattern,) = prepare(train("1", ROWS, {"damping": {"modal": ratios}}))
-            generator = damped.generators(pattern, pattern.elastic.damping)  # type: ignore[arg-type]
+            generator = damped.generators(pattern)
             omega = np.linspace(0.35, 7, 1000) / pattern.elastic.rate[:, None]
             counter.paths()
             c_kernel.scan_damped(pattern, generator, omega, 1)
@@ -262,7 +256,7 @@ def moved_traces(rounds: int) -> None:
 def general_damping(rounds: int) -> None:
     """n = 3, unequal modal damping."""
     (pattern,) = prepare(train("1", ROWS, {"damping": {"modal": [0.01, 0.02, 0.05]}}))
-    generator = damped.generators(pattern, pattern.elastic.damping)  # type: ignore[arg-type]
+    generator = damped.generators(pattern)
     omega = np.linspace(0.35, 7, 1000) / pattern.elastic.rate[:, None]
     ways = [
         Way("compiled", omega.size, lambda: c_kernel.scan_damped(pattern, generator, omega, 1)),
@@ -274,8 +268,7 @@ def general_damping(rounds: int) -> None:
 def strong_damping(rounds: int) -> None:
     """n = 3, 30 % of critical damping: all exponents, the smallest multipliers lost in an explicit product."""
     (pattern,) = prepare(train("1", 1, {"damping_ratio": 0.3}))
-    assert pattern.elastic.damping is not None
-    generator = damped.generators(pattern, pattern.elastic.damping)
+    generator = damped.generators(pattern)
     omega = np.geomspace(0.35, 7, 1600)[None] / pattern.elastic.rate[:, None]
     ways = [
         Way("compiled", omega.size, lambda: c_kernel.log_multipliers_damped(pattern, generator, omega, 1)),

@@ -63,43 +63,43 @@ def exponential_products(scene: Scene, omega: Array, _: float) -> Array:
     return growth
 
 
-def _constant(scene: Scene) -> bool:
-    return scene.constant and not scene.system.terms
+def _exact(scene: Scene) -> bool:
+    return scene.exact
 
 
 def _smooth(scene: Scene) -> bool:
-    return not _constant(scene)
+    return not scene.exact
 
 
-def _without_terms(scene: Scene) -> bool:
-    return _smooth(scene) and not scene.system.terms
+def _of_second_order(scene: Scene) -> bool:
+    return not scene.exact and not scene.system.general
 
 
 INTEGRATOR_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 
 METHODS: tuple[Entry, ...] = (
-    Entry("exact", smooth.product, batch=True, fits=_constant),
+    Entry("exact", smooth.product, batch=True, fits=_exact),
     Entry(
         "NumPy products + eigvals",
         batched_eigenvalues,
         batch=True,
-        fits=lambda scene: _constant(scene) and scene.conservative,
+        fits=lambda scene: scene.exact and scene.conservative,
     ),
-    Entry("products of expm", exponential_products, fits=_constant),
-    Entry("DOP853, broken at jumps", smooth.integration("DOP853", True), INTEGRATOR_TOLERANCES, fits=_constant),
-    Entry("RK45, broken at jumps", smooth.integration("RK45", True), INTEGRATOR_TOLERANCES[:4], fits=_constant),
-    Entry("DOP853, unbroken", smooth.integration("DOP853", False), INTEGRATOR_TOLERANCES, fits=_constant),
-    Entry("RK45, unbroken", smooth.integration("RK45", False), INTEGRATOR_TOLERANCES[:4], fits=_constant),
-    Entry("Magnus", smooth.product, INTEGRATOR_TOLERANCES, batch=True, fits=_without_terms),
+    Entry("products of expm", exponential_products, fits=_exact),
+    Entry("DOP853, broken at jumps", smooth.integration("DOP853", True), INTEGRATOR_TOLERANCES, fits=_exact),
+    Entry("RK45, broken at jumps", smooth.integration("RK45", True), INTEGRATOR_TOLERANCES[:4], fits=_exact),
+    Entry("DOP853, unbroken", smooth.integration("DOP853", False), INTEGRATOR_TOLERANCES, fits=_exact),
+    Entry("RK45, unbroken", smooth.integration("RK45", False), INTEGRATOR_TOLERANCES[:4], fits=_exact),
+    Entry("Magnus", smooth.product, INTEGRATOR_TOLERANCES, batch=True, fits=_of_second_order),
     Entry(
         "Magnus of the first-order form",
         smooth.product,
         INTEGRATOR_TOLERANCES,
         batch=True,
-        fits=lambda scene: bool(scene.system.terms),
+        fits=lambda scene: scene.system.general,
     ),
     Entry("Chebyshev collocation", smooth.collocation, INTEGRATOR_TOLERANCES, fits=_smooth),
-    Entry("Hill's method", smooth.hill, INTEGRATOR_TOLERANCES[:4], fits=_without_terms),
+    Entry("Hill's method", smooth.hill, INTEGRATOR_TOLERANCES[:4], fits=_of_second_order),
     Entry("DOP853, broken at kinks", smooth.integration("DOP853", True), INTEGRATOR_TOLERANCES, fits=_smooth),
     Entry("DOP853, across kinks", smooth.integration("DOP853", False), INTEGRATOR_TOLERANCES, fits=_smooth),
 )

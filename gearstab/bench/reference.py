@@ -32,13 +32,13 @@ def growth(scene: Scene, omega: float) -> float:
 
     A conservative system whose dominant multiplier is on the unit circle within 1e-10 has growth 0.
     """
-    if not scene.constant or scene.system.terms:
+    if not scene.exact:
         logarithm = collocation(scene, omega)
     elif scene.system.size > SMALL and np.finfo(np.longdouble).nmant >= 63:
         logarithm = extended(scene, omega)
     else:
         logarithm = multiprecision(scene, omega)
-    if scene.conservative and scene.system.damping is None and abs(logarithm) < ON_CIRCLE:
+    if scene.conservative and not scene.system.damped and abs(logarithm) < ON_CIRCLE:
         return 0.0
     return logarithm
 

@@ -64,9 +64,8 @@ class Scene:
 
     def generator(self, levels: tuple[float, ...]) -> Array:
         """A of (q, q')' = A (q, q'), ``(2n, 2n)``, with the mesh stiffnesses ``levels`` and without further terms."""
-        n = self.system.size
-        damping = np.zeros((n, n)) if self.system.damping is None else self.system.damping
-        return self._first_order(self.system.stiffness_matrix([np.asarray(level) for level in levels]), damping)
+        stiffness = self.system.stiffness_matrix([np.asarray(level) for level in levels])
+        return self._first_order(stiffness, self.system.damping_matrix)
 
     def generator_at(self, tau: float) -> Array:
         """The same at the part tau of the common period, with all terms."""
@@ -77,7 +76,7 @@ class Scene:
 
     def lookup(self) -> Callable[[float], Array]:
         """:meth:`generator_at` as fast as can be: looked up where it is constant between the edges."""
-        if not self.constant or self.system.terms:
+        if not self.exact:
             return self.generator_at
         generators, ends = [self.generator(levels) for _, levels in self.segments], np.array(self.edges[1:-1])
         return lambda tau: generators[int(np.searchsorted(ends, tau, side="right"))]
@@ -118,13 +117,17 @@ class Scene:
         return self.system.piecewise_constant
 
     @property
+    def exact(self) -> bool:
+        """Whether segments of constant mesh stiffness are all of it."""
+        return self.constant and not self.system.terms
+
+    @property
     def conservative(self) -> bool:
         """No damping and no further terms, or damping proportional to the mass, which only shifts the exponents."""
         system = self.system
-        if system.terms or system.damping is None:
-            return not system.terms
-        ratio = np.linalg.solve(system.mass, system.damping)
-        return bool(np.allclose(ratio, ratio[0, 0] * np.eye(system.size), rtol=0, atol=1e-14 * np.abs(ratio).max()))
+        ratio = np.linalg.solve(system.mass, system.damping_matrix)
+        uniform = ratio[0, 0] * np.eye(system.size)
+        return not system.general and bool(np.allclose(ratio, uniform, rtol=0, atol=1e-14 * np.abs(ratio).max()))
 
     def frequencies(self, count: int) -> Array:
         """``count`` mesh frequencies spread over the range, none of them a round number."""
@@ -141,14 +144,13 @@ def without_rigid_modes(system: GearSystem) -> GearSystem:
     modes = mean_modes(system)
     if not modes.rigid.any():
         return system
-    elastic, damping = modes.shapes[:, ~modes.rigid], system.damping
+    elastic = modes.shapes[:, ~modes.rigid]
     moved = [np.abs(modes.shapes.T @ term.right) for term in system.terms]
     if any(part[modes.rigid].max() > COUPLED * part.max() for part in moved):
         return system
-    if damping is not None:
-        modal = np.abs(modes.shapes.T @ damping @ modes.shapes)
-        if modal[modes.rigid].max() > COUPLED * modal.max():
-            return system
+    modal = np.abs(modes.shapes.T @ system.damping_matrix @ modes.shapes)
+    if modal[modes.rigid].max() > COUPLED * modal.max():
+        return system
     found = system.undriven().projected(elastic)
     back = np.linalg.solve(found.mass, elastic.T @ system.mass)
     symmetries = tuple(replace(item, turn=back @ item.turn @ elastic) for item in system.symmetries)

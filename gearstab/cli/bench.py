@@ -85,7 +85,8 @@ def _scene(loaded: Config) -> Scene:
     """The base system and the range of the mesh_frequency axis. Raises ConfigError without such an axis."""
     from gearstab.bench import Scene, without_rigid_modes
     from gearstab.config import ConfigError
-    from gearstab.rotating_pair import RotatingPair
+    from gearstab.support import unsupported
+    from gearstab.system import Feature
     from gearstab.systems import build
 
     axis = next((axis for axis in loaded.axes if axis.name == "mesh_frequency"), None)
@@ -96,17 +97,8 @@ def _scene(loaded: Config) -> Scene:
         )
     values = [float(value) for value in axis.values]
     system = build(loaded.parameters)
-    if isinstance(system, RotatingPair) and not system.is_classical:
-        message, hint = f"bench knows no formulation {system.formulation}", "set formulation: classical"
-        raise ConfigError([loaded.problem(("system", "formulation"), "needs_other", message, hint)])
-    if not system.commensurate:
-        path = (
-            "system",
-            "meshes",
-            next(i for i, m in enumerate(system.meshes) if isinstance(m.frequency_ratio, float)),
-        )
-        message, hint = "mesh frequencies of irrational ratio have no common period", "give exact ratios"
-        raise ConfigError([loaded.problem((*path, "frequency_ratio"), "needs_other", message, hint)])
+    if refused := unsupported(system, {Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING}):
+        raise ConfigError([loaded.problem(("system",), "needs_other", f"bench: {refused[0]}", refused[1])])
     return Scene(without_rigid_modes(system), min(values), max(values))
 
 

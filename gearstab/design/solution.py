@@ -10,6 +10,7 @@ import numpy as np
 
 from gearstab.config import ConfigError
 from gearstab.design.judging.judge import Goal, Judge
+from gearstab.design.judging.quantities import REGIONS
 from gearstab.design.problem import DesignProblem, Span
 from gearstab.design.reasons.explain import explanation
 from gearstab.design.reasons.margins import allowed, margins, sensitivities
@@ -17,6 +18,7 @@ from gearstab.design.reasons.phasing import phasing
 from gearstab.design.reasons.tongues import DesignTongues, single, tongues
 from gearstab.design.searching import pareto, search
 from gearstab.floquet import solve
+from gearstab.support import unsupported
 from gearstab.system import Array, GearSystem
 
 VERIFIED = 2001
@@ -60,7 +62,7 @@ class Solution:
     @property
     def cheap(self) -> bool:
         """Whether a thousand designs are judged in seconds."""
-        return self.optimum_system.damping is None and self.problem.config.kind != "gearbox"
+        return not self.optimum_system.damped and self.problem.config.kind != "gearbox"
 
     @property
     def limiting(self) -> str:
@@ -90,7 +92,7 @@ def solved(problem: DesignProblem, say: Say = lambda text: None) -> Solution:
     say("sensitivities and margins")
     most = allowed(float(final.objectives[0, 0]), float(np.nan_to_num(initial.objectives[0, 0])))
     before, after = single(problem, problem.given[0]), single(problem, optimum)
-    found = tongues(problem, [problem.given[0], optimum]) if searchable(after[0]) else None
+    found = tongues(problem, [problem.given[0], optimum]) if not unsupported(after[0], REGIONS) else None
     if found is not None and (rest := found.uncovered[1]):
         say(rest)
     reasons = [] if found is None else explanation(after[0], [tongue for tongue, _ in found.index])
@@ -108,11 +110,6 @@ def _infeasible(problem: DesignProblem) -> ConfigError:
     path = ("design", "constraints") if problem.design.limits else ("design", "variables")
     message, hint = "no design within the bounds meets the constraints", "relax constraints, or widen bounds"
     return ConfigError([problem.config.problem(path, "impossible", message, hint)])
-
-
-def searchable(system: GearSystem) -> bool:
-    """Whether the regions of a system can be found by root finding."""
-    return system.commensurate and not system.general
 
 
 def _choices(problem: DesignProblem, judge: Judge) -> tuple[tuple[Array, Array], int]:

@@ -203,7 +203,7 @@ def _contents(system: GearSystem) -> dict[str, Array]:
     longest = max(len(phase) for phase, _ in courses)
     filled = [[np.pad(a, (0, longest - len(a)), mode="edge") for a in course] for course in courses]
     stiffness = np.array(system.stiffness, dtype=float)
-    damping = np.zeros((size, size)) if system.damping is None else np.array(system.damping, dtype=float)
+    damping = np.array(system.damping_matrix, dtype=float)
     for term in system.terms:
         for matrix, part in ((stiffness, term.stiffness), (damping, term.damping)):
             if part is not None:

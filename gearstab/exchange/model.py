@@ -47,10 +47,13 @@ def model(
     Raises NotPossible for a number of modes that the model does not have, and ConfigError for what is wrong otherwise.
     """
     found = Model(kind="matrices", mass=symmetric(mass), stiffness=symmetric(stiffness), **more)
-    if damping is not None and np.any(damping):
+    damping = np.zeros_like(mass) if damping is None else damping
+    if np.any(damping):
         found["damping"] = {"matrix": symmetric(damping)}
-    terms = [*antisymmetric_terms("circulatory", "stiffness", stiffness)]
-    terms += antisymmetric_terms("gyroscopic", "damping", damping) if damping is not None else []
+    terms = [
+        *antisymmetric_terms("circulatory", "stiffness", stiffness),
+        *antisymmetric_terms("gyroscopic", "damping", damping),
+    ]
     found |= {"terms": terms} if terms else {}
     found["meshes"] = [dict(mesh) for mesh in meshes]
     return found if modes is None else reduced(found, modes)

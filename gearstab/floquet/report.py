@@ -14,6 +14,10 @@ from gearstab.system import GearSystem
 
 SHARE = 1e-9
 """A mode takes part in a block with at least this part of its energy."""
+STANDARD = 4 * 3**3
+"""Segments times coordinates cubed of the point whose work is the unit of cost: four segments of three coordinates."""
+SEARCH = 4000
+"""Points that take as long as a search for regions."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class Reduction:
     @property
     def cost(self) -> float:
         """Work of a point over that of three coordinates and four segments, and no less."""
-        return max(1.0, sum(part.segments * part.size**3 for part in self.parts) / (4 * 3**3))
+        return max(1.0, sum(part.segments * part.size**3 for part in self.parts) / STANDARD)
 
     def text(self) -> str:
         """Say it in one line, for instance "2 modes dropped; blocks of 7, 9 (twice) modes"."""
@@ -62,6 +66,15 @@ class Reduction:
         elif sizes:
             words.append(f"blocks of {', '.join(sizes)} modes")
         return "; ".join(words)
+
+
+def search_cost(system: GearSystem, size: int) -> float:
+    """Return the cost of a search for all regions of a single system, of which ``size`` coordinates are searched.
+
+    A cycle of a mesh has two segments.
+    """
+    segments = 2 * sum(system.common_period()[1])
+    return SEARCH * max(1.0, segments * size**3 / STANDARD)
 
 
 def reduction(system: GearSystem) -> Reduction:

@@ -25,7 +25,7 @@ from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import Block, split
 from gearstab.floquet.segments.pattern import Pattern, prepare
-from gearstab.floquet.segments.reduction import Elastic, reduce
+from gearstab.floquet.segments.reduction import reduce
 from gearstab.floquet.smooth.schemes import CF6_5
 from gearstab.floquet.smooth.solve import split_pattern, within
 from gearstab.floquet.smooth.steps import Division, portions
@@ -107,9 +107,8 @@ def required_damping(
 def _driven(system: GearSystem) -> Array:
     """``(rows,)`` bool: where the damping of the system feeds a rigid-body mode."""
     result = np.zeros(system.rows, dtype=bool)
-    if system.damping is not None:
-        for elastic in reduce(system):
-            result[elastic.rows] = elastic.rigid_driven
+    for elastic in reduce(system):
+        result[elastic.rows] = elastic.rigid_driven
     return result
 
 
@@ -150,7 +149,7 @@ def unit(system: GearSystem, of: str) -> GearSystem:
     if of == DAMPING_RATIO:
         one = np.ones((*system.batch, 1))
         return replace(system, damping=modal_damping_matrix(system.mass, system.mean_stiffness_matrix(), one))
-    if system.damping is None:
+    if not system.damped:
         raise ValueError("a factor on the damping needs a system with damping")
     return system
 
@@ -234,26 +233,14 @@ class _Search:
 
 def scaled(pattern: Pattern, factor: Array) -> Pattern:
     """The pattern with its damping times ``(r,)``, uniform damping as a matrix like any other."""
+    pattern, times = pattern.unshifted(), factor[:, None, None]
     elastic = pattern.elastic
-    times = factor[:, None, None]
-    drag = None if elastic.rigid_damping is None else times * elastic.rigid_damping
-    still = np.zeros_like(elastic.shift)
-    own: Elastic = replace(elastic, damping=times * matrix(elastic), rigid_damping=drag, shift=still)
-    if not np.any(elastic.shift):
-        return replace(pattern, elastic=own)
-    return replace(pattern, elastic=own, stiffness=own.stiffness_of(pattern.levels))
-
-
-def matrix(elastic: Elastic) -> Array:
-    """``(r, n, n)``, C of the elastic coordinates, in their units."""
-    if elastic.damping is not None:
-        return elastic.damping
-    return 2 * elastic.shift[:, None, None] * np.eye(elastic.static.shape[-1])
+    drag = {"damping": times * elastic.damping_matrix, "rigid_damping": times * elastic.rigid_damping}
+    return replace(pattern, elastic=replace(elastic, **drag))
 
 
 def growth_of(pattern: Pattern, omega: Array) -> Array:
     """Growth a period ``(r, P)``, positive where unstable."""
-    assert pattern.elastic.damping is not None
-    generator = damped.generators(pattern, pattern.elastic.damping)
+    generator = damped.generators(pattern)
     growth: Array = kernel.scan_damped(pattern, generator, omega)[0]
     return growth - DAMPED_ON_CIRCLE

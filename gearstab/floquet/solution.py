@@ -67,23 +67,23 @@ def solved(
     into: an empty result of all rows of the system. What is computed point by point is written to the block's rows of
     it, and it is returned, with the exponents of the block.
     """
-    damping = part.pattern.elastic.damping
-    decided = damping is not None or bool(np.all(part.pattern.squared_frequency > 0))
+    free = part.pattern.elastic.conservative
+    decided = not free or bool(np.all(part.pattern.squared_frequency > 0))
     if block.constant and part.pattern.size and decided:
         return constant(part, exponents)
-    return conservative(part, exponents, into) if damping is None else with_damping(part, damping, exponents)
+    return conservative(part, exponents, into) if free else with_damping(part, exponents)
 
 
 def constant(part: OperatingPoints, exponents: bool) -> FloquetStability:
     """A block whose stiffness does not vary: its exponents are those of a constant system, at every mesh frequency."""
     pattern = part.pattern
     rate = pattern.elastic.rate[:, None]
-    if pattern.elastic.damping is None:
+    if pattern.elastic.conservative:
         frequency = np.sqrt(pattern.squared_frequency[:, 0])
         # The sum has no negative zeros, as 1j times a negative number and the negative of no shift have.
         values = (0.0 - pattern.elastic.shift[:, None]) + 1j * np.concatenate([frequency, -frequency], axis=1)
     else:
-        values = damped.generators(pattern, pattern.elastic.damping).eigen[0][:, 0]
+        values = damped.generators(pattern).eigen[0][:, 0]
     growth = np.repeat(values.real.max(axis=1, initial=-np.inf)[:, None], part.omega.shape[1], axis=1)
     growth, stable = decided(growth * part.period, part.period, DAMPED_ON_CIRCLE)
     table = None
@@ -163,25 +163,20 @@ def conservative_logs(pattern: Pattern, omega: Array) -> Array:
     return logs
 
 
-def with_damping(part: OperatingPoints, damping: Array, exponents: bool) -> FloquetStability:
+def with_damping(part: OperatingPoints, exponents: bool) -> FloquetStability:
     """A block with damping of its own."""
     pattern, omega = part.pattern, part.omega
-    generator = damped.generators(pattern, damping)
+    generator = damped.generators(pattern)
     growth, scale = kernel.scan_damped(pattern, generator, omega)
     status = part.status()
     status[np.abs(scale) > np.log(kernel.LARGE)] |= STATUS_FLAGS["rescaled"]
     growth, stable = decided(growth, part.period, DAMPED_ON_CIRCLE)
     rate = pattern.elastic.rate[:, None]
-    table = _damped_table(pattern, generator, omega) * rate[..., None] if exponents else None
+    table = damped_exponents(pattern, generator, omega) * rate[..., None] if exponents else None
     return FloquetStability(growth * rate, stable, status, table)
 
 
-def damped_exponents(pattern: Pattern, damping: Array, omega: Array) -> Array:
+def damped_exponents(pattern: Pattern, generator: damped.Generators, omega: Array) -> Array:
     """All elastic exponents ``(r, P, m)`` of a damped pattern, in units of its rate."""
-    return _damped_table(pattern, damped.generators(pattern, damping), omega)
-
-
-def _damped_table(pattern: Pattern, generator: damped.Generators, omega: Array) -> Array:
-    """ln lambda over the period."""
     logs = kernel.log_multipliers_damped(pattern, generator, omega)
     return np.asarray(logs / (2 * np.pi * pattern.cycles / omega)[..., None])

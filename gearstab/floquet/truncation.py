@@ -87,8 +87,7 @@ def neglected(system: GearSystem, basis: Array) -> float:
     coupling = [mean, *(system.stiffness_matrix(list(levels)) for levels in pattern.levels[0])]
     frequency = [np.sqrt(np.abs(values)) for values, _ in (inner, outer)]
     largest = max(float(f.max()) for f in frequency)
-    if system.damping is not None:
-        coupling += [largest * system.damping, largest * system.damping.T]
+    coupling += [largest * system.damping_matrix, largest * system.damping_matrix.T]
     first, second = (np.maximum(f, SMALLEST * largest) for f in frequency)
     size = first[:, None] * second[None, :]
     phase = (np.arange(PHASES) + 0.5) / PHASES

@@ -18,12 +18,13 @@ HARMONICS = 3
 
 def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
     """All that ``info`` shows, as plain numbers, texts and lists; None where a number does not exist."""
+    from gearstab.perturbation.second_order import SUPPORTS
+    from gearstab.support import unsupported
     from gearstab.systems import build, model_of
 
     system = build(config.parameters)
     asked = config.methods.perturbation
-    # Order 2 knows no periodic terms.
-    theory = asked.order if asked and not system.general else 1
+    theory = asked.order if asked and not unsupported(system, SUPPORTS) else 1
     order = harmonics or (asked.harmonics if asked else HARMONICS)
     sweep = {axis.name: axis.size for axis in config.axes}
     orders = model_of(config.parameters).cycles_of_input(config.parameters)

@@ -130,7 +130,9 @@ class BoundaryAnalysis(TongueMethod, Restricted):
         return "over which boundaries are sought"
 
     def cost(self) -> float:
-        search = 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.part.size**3 / 108)
+        from gearstab.floquet.report import search_cost
+
+        search = search_cost(self.system, self.part.size)
         return CERTIFICATE * search if self.options.certificate else search
 
 

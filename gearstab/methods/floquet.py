@@ -120,9 +120,7 @@ class Floquet(Restricted):
 
     @classmethod
     def on(cls, options: Any, system: GearSystem) -> Method:
-        from gearstab.rotating_pair import RotatingPair
-
-        return (Orbits if isinstance(system, RotatingPair) else cls)(options, system)
+        return (Orbits if system.formulations else cls)(options, system)
 
     @cached_property
     def basis(self) -> Array | None:
@@ -221,7 +219,7 @@ class Floquet(Restricted):
         """Of a system with a common period."""
         from gearstab.floquet.report import reduction
 
-        return reduction(system).cost * (5 if self.options.exponents or system.damping is not None else 1)
+        return reduction(system).cost * (5 if self.options.exponents or system.damped else 1)
 
     def _segments(self) -> float:
         """In the window of a Lyapunov exponent."""

@@ -218,5 +218,6 @@ class Passage(Method):
         ramp = RAMP_COST * max(1.0, self.system.size / 3) ** POWER
         if not self.options.regions:
             return len(self.rates) * ramp
-        search = 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.system.size**3 / 108)
-        return search + (len(self.rates) + SEARCHED + FOLLOWED) * ramp
+        from gearstab.floquet.report import search_cost
+
+        return search_cost(self.system, self.system.size) + (len(self.rates) + SEARCHED + FOLLOWED) * ramp

@@ -107,8 +107,10 @@ class Perturbation(TonguePerturbation):
 
     def check_options(self) -> None:
         if self.options.order > 1:
+            from gearstab.perturbation.second_order import SUPPORTS
+
             remedies = {Feature.PERIODIC_TERMS: "choose order: 1, which takes these too"}
-            self.require({Feature.IRRATIONAL_RATIO}, remedies, ("order",))
+            self.require(SUPPORTS, remedies, ("order",))
 
     @staticmethod
     def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:

@@ -103,6 +103,6 @@ class DampingAnalysis(Method):
         except NotPossible:
             self.require((), {Feature.IRRATIONAL_RATIO: "choose per_mesh or auto"}, ("frequencies",))
             raise
-        if self.options.of == "factor" and self.system.damping is None:
+        if self.options.of == "factor" and not self.system.damped:
             remedy = "give the system damping, or choose of: damping_ratio"
             raise OptionError(("of",), "there is no damping to multiply", remedy)

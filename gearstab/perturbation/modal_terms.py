@@ -18,8 +18,9 @@ from gearstab.waveforms.profile import harmonic
 class ModalTerms:
     """Terms of all rows, with the batch flattened.
 
-    left, right: ``(rows, n, terms)``, Phi^T u and Phi^T v, what is rounding exactly zero. stiffness, damping: ``(rows,
-    n, n)``, S = sum_j mean(a_j) Phi^T u_j v_j^T Phi and the same with the means of c_j.
+    left, right: ``(rows, n, terms)``, Phi^T u and Phi^T v, what is rounding exactly zero; of no terms where there are
+    none. stiffness, damping: ``(rows, n, n)``, S = sum_j mean(a_j) Phi^T u_j v_j^T Phi and the same with the means of
+    c_j.
     """
 
     left: Array
@@ -39,15 +40,18 @@ def modal_terms(system: GearSystem, modes: Modes) -> ModalTerms:
     )
     means = []
     for kind in ("stiffness", "damping"):
-        mean = np.stack([_coefficient(system, getattr(term, kind), 0).real for term in system.terms], axis=-1)
+        mean = np.zeros((system.rows, len(system.terms)))
+        for j, term in enumerate(system.terms):
+            mean[:, j] = _coefficient(system, getattr(term, kind), 0).real
         means.append(np.einsum("rpt,rt,rqt->rpq", left, mean, right))
     return ModalTerms(left, right, *means)
 
 
 def _projected(system: GearSystem, modes: Modes, vectors: list[Array]) -> Array:
     """Phi^T u of all vectors, ``(rows, n, vectors)``."""
-    own = [np.einsum("...np,...n->...p", modes.shapes, vector) for vector in vectors]
-    parts = np.stack(np.broadcast_arrays(*own), axis=-1)
+    parts = np.zeros((*system.batch, system.size, len(vectors)))
+    for j, vector in enumerate(vectors):
+        parts[..., j] = np.einsum("...np,...n->...p", modes.shapes, vector)
     return system.flat(np.where(significant_deflection(replace(modes, mesh_deflection=parts)), parts, 0.0), 2)
 
 

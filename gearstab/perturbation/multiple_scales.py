@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.modal import mean_modes, significant_deflection
-from gearstab.perturbation.damped import group_pair, product_pair, single_pair, undamped
+from gearstab.perturbation.damped import group_pair, product_pair, single_pair
 from gearstab.perturbation.modal_terms import ModalTerms, modal_terms
 from gearstab.perturbation.modal_terms import harmonics as harmonics_of_terms
 from gearstab.perturbation.tongues import ParametricExcitation, Tongues, excitations, self_excited, tongue
@@ -94,7 +94,7 @@ def first_order(
     if modes is None:
         modes = [int(p) + 1 for p in np.flatnonzero(np.any(modal.frequency != 0, axis=0))]
     pairs = [(p, q, False) for k, p in enumerate(modes) for q in modes[k:]]
-    pairs += [(p, q, True) for p, q, _ in pairs if p != q] if system.terms else []
+    pairs += [(p, q, True) for p, q, _ in pairs if p != q] if modal.unsymmetric else []
     forces = (*excitations(system, harmonics), *further)
     place = {(p - 1, q - 1, difference): k for k, (p, q, difference) in enumerate(pairs)}
     center, middle, width, threshold = np.full((4, len(forces), len(pairs), len(modal.frequency)), np.nan)
@@ -114,7 +114,7 @@ def first_order(
                 where = np.ix_(np.array([e]), np.array(k), rows)
                 center[where], middle[where] = root / ratio, (root + shift) / ratio
                 width[where], threshold[where] = half / ratio, opening
-        if part.terms is not None:
+        if part.unsymmetric:
             for P in groups:
                 group = np.array([P])
                 growing[P[0], rows] = decaying(_mean(part, group, _middle(part, group))[0][0])[1]
@@ -144,38 +144,35 @@ class ModalQuantities:
     """Modal quantities of all rows, with the batch flattened.
 
     frequency ``(rows, n)``, 0 for rigid-body modes and NaN for negative stiffness, and its square, which is then
-    negative; deflection ``(rows, n, meshes)``; damping ``(rows, n, n)`` = Phi^T C Phi/2, means of terms included, or
-    None; terms: None where there are none.
+    negative; deflection ``(rows, n, meshes)``; damping ``(rows, n, n)`` = Phi^T C Phi/2, means of terms included.
     """
 
     frequency: Array
     squared_frequency: Array
     deflection: Array
-    damping: Array | None
+    damping: Array
     batch: tuple[int, ...]
-    terms: ModalTerms | None = None
+    terms: ModalTerms
+
+    @property
+    def unsymmetric(self) -> bool:
+        """Whether the amplitude equations are those of :mod:`gearstab.perturbation.unsymmetric`."""
+        return self.terms.left.shape[-1] > 0
 
     def rows(self, rows: Array) -> ModalQuantities:
-        damping = None if self.damping is None else self.damping[rows]
-        terms = None if self.terms is None else self.terms.rows(rows)
-        return ModalQuantities(
-            self.frequency[rows], self.squared_frequency[rows], self.deflection[rows], damping, self.batch, terms
-        )
+        arrays = (self.frequency, self.squared_frequency, self.deflection, self.damping)
+        return ModalQuantities(*(array[rows] for array in arrays), self.batch, self.terms.rows(rows))
 
 
 def modal_rows(system: GearSystem) -> ModalQuantities:
     """See :class:`ModalQuantities`; mesh deflections and damping rates that are rounding are exactly zero."""
     modes = mean_modes(system)
     deflection = np.where(significant_deflection(modes), modes.mesh_deflection, 0.0)
-    terms = modal_terms(system, modes) if system.terms else None
-    damping = None
-    if system.damping is not None:
-        damping = system.flat(0.5 * np.swapaxes(modes.shapes, -1, -2) @ system.damping @ modes.shapes, 2)
-    if terms is not None:
-        damping = 0.5 * terms.damping + (0.0 if damping is None else damping)
-    if damping is not None:
-        largest = np.abs(damping).max(axis=(-2, -1), keepdims=True)
-        damping = np.where(np.abs(damping) <= ROUNDING * largest, 0.0, damping)
+    terms = modal_terms(system, modes)
+    modal = 0.5 * np.swapaxes(modes.shapes, -1, -2) @ system.damping_matrix @ modes.shapes
+    damping = 0.5 * terms.damping + system.flat(modal, 2)
+    largest = np.abs(damping).max(axis=(-2, -1), keepdims=True)
+    damping = np.where(np.abs(damping) <= ROUNDING * largest, 0.0, damping)
     frequency, squared = (system.flat(a, 1) for a in (modes.natural_frequency, modes.squared_frequency))
     return ModalQuantities(frequency, squared, system.flat(deflection, 2), damping, system.batch, terms)
 
@@ -221,10 +218,9 @@ def _exciters(system: GearSystem, force: ParametricExcitation, modal: ModalQuant
         amplitude, wave = (np.broadcast_to(v, modal.batch).reshape(-1)[rows] for v in (mesh.amplitude, wave))
         delta = modal.deflection[:, :, i].T
         found.append(Exciter(delta, delta, amplitude, wave))
-    if modal.terms is not None:
-        for j, wave, drag in harmonics_of_terms(system, force.ratio, rows):
-            ends = (modal.terms.left[:, :, j].T, modal.terms.right[:, :, j].T)
-            found.append(Exciter(*ends, np.ones(len(rows)), wave, drag))
+    for j, wave, drag in harmonics_of_terms(system, force.ratio, rows):
+        ends = (modal.terms.left[:, :, j].T, modal.terms.right[:, :, j].T)
+        found.append(Exciter(*ends, np.ones(len(rows)), wave, drag))
     return found
 
 
@@ -260,7 +256,7 @@ def _solve(
         P, Q, _, places = zip(*alike, strict=True)
         p, q, difference = np.array(P), np.array(Q), shape[2]
         single = shape[:2] == (1, 1)
-        if modal.terms is None:
+        if not modal.unsymmetric:
             found = _single_pairs(modal, exciters, p[:, 0], q[:, 0]) if single else _group_pairs(modal, exciters, p, q)
         elif single:
             found = _unsymmetric_pairs(modal, exciters, p[:, 0], q[:, 0], difference)
@@ -273,17 +269,12 @@ def _single_pairs(modal: ModalQuantities, exciters: list[Exciter], p: Array, q: 
     """Tongues between modes of distinct frequency, all pairs at once."""
     w = modal.frequency.T
     coupling = np.abs(_coupling(modal, exciters, p, q)[0]) / np.sqrt(w[p] * w[q])
-    none = np.zeros_like(coupling)
-    if modal.damping is None:
-        return w[p] + w[q], none, coupling, none
     mu = np.diagonal(modal.damping, axis1=-2, axis2=-1).T
-    return w[p] + w[q], none, *single_pair(coupling, mu[p], mu[q])
+    return w[p] + w[q], np.zeros_like(coupling), *single_pair(coupling, mu[p], mu[q])
 
 
 def _unsymmetric_pairs(modal: ModalQuantities, exciters: list[Exciter], p: Array, q: Array, difference: bool) -> Found:
     """The same with periodic terms, at sums or at differences of frequencies: w_q - w_p is that with -w_p for w_p."""
-    assert modal.terms is not None
-    assert modal.damping is not None
     w, one = modal.frequency.T, (q, p) if difference else (p, q)
     own, other = w[one[0]], -w[one[1]] if difference else w[one[1]]
     there, size = _coupling(modal, exciters, *one, other)
@@ -323,9 +314,8 @@ def _within(matrix: Array, groups: Array) -> Array:
 
 def block(modal: ModalQuantities, system: GearSystem, force: ParametricExcitation, P: Group, Q: Group) -> Array:
     """Return G = B[P, Q]/sqrt(w_P w_Q) of an excitation by meshes, ``(rows, P, Q)``. modal: of the same system."""
-    alone = replace(modal, terms=None)
-    exciters = _exciters(system, force, alone, np.arange(len(modal.frequency)))
-    return _symmetric(alone, exciters, np.array([P]), np.array([Q]))[0]
+    exciters = _exciters(replace(system, terms=()), force, modal, np.arange(len(modal.frequency)))
+    return _symmetric(modal, exciters, np.array([P]), np.array([Q]))[0]
 
 
 def _symmetric(modal: ModalQuantities, exciters: list[Exciter], P: Array, Q: Array) -> Array:
@@ -343,12 +333,10 @@ def group_of(modal: ModalQuantities, mode: int) -> Group:
 def _group_pairs(modal: ModalQuantities, exciters: list[Exciter], P: Array, Q: Array) -> Found:
     """The tongues of pairs of groups of the same sizes, of which at least one has several modes."""
     root, coupling = _middle(modal, P) + _middle(modal, Q), _symmetric(modal, exciters, P, Q)
-    flat, none = coupling.reshape(-1, *coupling.shape[2:]), np.zeros(root.shape)
-    if modal.damping is None:
-        return root, none, undamped(flat).reshape(root.shape), none
+    flat = coupling.reshape(-1, *coupling.shape[2:])
     blocks = (_within(modal.damping, G).reshape(-1, *2 * G.shape[1:]) for G in (P, Q))
     half, threshold = (a.reshape(root.shape) for a in group_pair(flat, *blocks))
-    return root, none, half, threshold
+    return root, np.zeros(root.shape), half, threshold
 
 
 def _unsymmetric_groups(modal: ModalQuantities, exciters: list[Exciter], P: Array, Q: Array, difference: bool) -> Found:
@@ -376,8 +364,6 @@ def _mean(modal: ModalQuantities, groups: Array, frequency: Array) -> tuple[Arra
 
     E = S[P, P]/(2 w_P). groups: ``(pairs, p)``; frequency: w_P ``(pairs, rows)``, negative for conjugate amplitudes.
     """
-    assert modal.terms is not None
-    assert modal.damping is not None
     moved = _within(modal.terms.stiffness, groups) / (2 * frequency[..., None, None])
     common = np.trace(moved, axis1=-2, axis2=-1) / groups.shape[1]
     own = moved - common[..., None, None] * np.eye(groups.shape[1])

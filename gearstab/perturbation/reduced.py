@@ -52,8 +52,7 @@ class Reduced:
     """The amplitude equations of pairs of groups with P and Q modes, ``(rows, pairs)`` in front of all arrays.
 
     frequency_p, frequency_q: w. first, second: B and T over 2 sqrt(w_P w_Q) ``(P, Q)``. shift_p, shift_q: E, Hermitian.
-    half_width: h of first order.
-    damping_p, damping_q: D, symmetric; skew: J; None for undamped systems.
+    half_width: h of first order. damping_p, damping_q: D, symmetric. skew: J.
     """
 
     frequency_p: Array
@@ -63,9 +62,9 @@ class Reduced:
     shift_p: Array
     shift_q: Array
     half_width: Array
-    damping_p: Array | None = None
-    damping_q: Array | None = None
-    skew: Array | None = None
+    damping_p: Array
+    damping_q: Array
+    skew: Array
 
     @property
     def coupling(self) -> Array:
@@ -80,8 +79,7 @@ class Reduced:
 
     def row(self, which: Array) -> Reduced:
         """Those pairs alone, with one leading dimension; ``which`` is a mask ``(rows, pairs)``."""
-        parts = [None if part is None else part[which] for part in vars(self).values()]
-        return Reduced(*parts)  # type: ignore[arg-type]
+        return Reduced(*(part[which] for part in vars(self).values()))
 
 
 def adjoint(matrix: Array) -> Array:
@@ -98,9 +96,8 @@ def edges(problem: Reduced) -> tuple[Array, Array]:
     """
     if problem.single:
         return _single(problem)
-    if problem.damping_p is None:
-        return _hermitian(problem)
-    return _general(problem)
+    damped = problem.damping_p.any() or problem.damping_q.any()
+    return _general(problem) if damped else _hermitian(problem)
 
 
 def second_threshold(problem: Reduced) -> Array:
@@ -138,9 +135,6 @@ def _least_root(one: Array, two: Array) -> Array:
 
 def _rates(problem: Reduced) -> tuple[Array, Array]:
     """mu of one mode each."""
-    if problem.damping_p is None or problem.damping_q is None:
-        zero = np.zeros(problem.frequency_p.shape)
-        return zero, zero
     return problem.damping_p[..., 0, 0], problem.damping_q[..., 0, 0]
 
 
@@ -153,10 +147,9 @@ def _single(problem: Reduced) -> tuple[Array, Array]:
     bend = np.abs(problem.first[..., 0, 0]) ** 2
     center = -(bend + mu_p**2) / (2 * problem.frequency_p) - (bend + mu_q**2) / (2 * problem.frequency_q)
     center = center - problem.shift_p[..., 0, 0].real - problem.shift_q[..., 0, 0].real
-    if problem.skew is not None:
-        turned = 2 * (problem.coupling * np.conj(problem.skew))[..., 0, 0].imag
-        product = mu_p * mu_q
-        center = center + np.divide(turned * (mu_p - mu_q), 2 * product, out=np.zeros(g.shape), where=product > 0)
+    turned = 2 * (problem.coupling * np.conj(problem.skew))[..., 0, 0].imag
+    product = mu_p * mu_q
+    center = center + np.divide(turned * (mu_p - mu_q), 2 * product, out=np.zeros(g.shape), where=product > 0)
     return center - half, center + half
 
 
@@ -231,12 +224,11 @@ def _matrix(problem: Reduced, sigma: Array) -> Array:
     detuning = sigma[..., None, None]
     own, other = _own(problem)
     right, left = g * (1 - detuning / (2 * w_p)), adjoint(g) * (1 - detuning / (2 * w_q))
-    if problem.damping_p is not None and problem.damping_q is not None and problem.skew is not None:
-        d_p, d_q = problem.damping_p, problem.damping_q
-        own = own + 1j * d_p - d_p @ d_p / (2 * w_p)
-        other = other - 1j * d_q - d_q @ d_q / (2 * w_q)
-        right = right + 0.5j * (d_p @ g - g @ d_q) / w_p - problem.skew
-        left = left + 0.5j * (adjoint(g) @ d_p - d_q @ adjoint(g)) / w_q + adjoint(problem.skew)
+    d_p, d_q = problem.damping_p, problem.damping_q
+    own = own + 1j * d_p - d_p @ d_p / (2 * w_p)
+    other = other - 1j * d_q - d_q @ d_q / (2 * w_q)
+    right = right + 0.5j * (d_p @ g - g @ d_q) / w_p - problem.skew
+    left = left + 0.5j * (adjoint(g) @ d_p - d_q @ adjoint(g)) / w_q + adjoint(problem.skew)
     lower = np.concatenate([-left, detuning * np.eye(other.shape[-1]) - other], axis=-1)
     return np.concatenate([np.concatenate([own, right], axis=-1), lower], axis=-2)
 
@@ -268,8 +260,6 @@ def _general(problem: Reduced) -> tuple[Array, Array]:
 
 def _extremes(problem: Reduced) -> tuple[Array, Array]:
     """The least and the greatest rate of damping of any direction of the groups; what is rounding is 0."""
-    assert problem.damping_p is not None
-    assert problem.damping_q is not None
     rates = np.concatenate([np.linalg.eigvalsh(d) for d in (problem.damping_p, problem.damping_q)], axis=-1)
     least, most = rates.min(axis=-1), rates.max(axis=-1)
     return np.where(least > UNDAMPED * most, least, 0.0), most

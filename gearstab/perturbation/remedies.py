@@ -102,8 +102,7 @@ def resonance(system: GearSystem, tongue: Tongue, modal: ModalQuantities | None 
     w_p, w_q = (float(modal.frequency[0, group].mean()) for group in (p, q))
     ratio, shared = _excitation(system, tongue)
     parts = {i: block(modal, system, ParametricExcitation(ratio, ((i, s),)), p, q)[0] for i, s in shared}
-    none = np.zeros((system.size, system.size))
-    damping = none if modal.damping is None else modal.damping[0]
+    damping = modal.damping[0]
     blocks = damping[np.ix_(p, p)], damping[np.ix_(q, q)]
     return Resonance(parts, dict(shared), blocks, (w_p, w_q))
 

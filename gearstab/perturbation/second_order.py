@@ -12,7 +12,11 @@ from gearstab.perturbation.multiple_scales import Group, ModalQuantities, first_
 from gearstab.perturbation.reduced import Reduced, adjoint, edges, second_threshold
 from gearstab.perturbation.response import Pairs, limit, nearest_resonance, second_order_coupling
 from gearstab.perturbation.tongues import ParametricExcitation, Tongues, excitations, products
-from gearstab.system import Array, GearSystem
+from gearstab.support import unsupported
+from gearstab.system import Array, Feature, GearSystem
+
+SUPPORTS = frozenset({Feature.IRRATIONAL_RATIO})
+"""The features of systems that second order takes."""
 
 CLOSEST = 1e-12
 """A distance from another resonance below this part of the frequency is as good as none."""
@@ -70,13 +74,13 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
     mix most with the two in resonance, or half-width over natural frequency; to which is added the change of the
     nearest resonance's contribution across the tongue. It has the size of the third-order terms, but is no bound.
 
-    Raises ValueError for a system with periodic terms besides its meshes.
+    Raises ValueError for a system with other features than SUPPORTS.
 
     Source: the method is the elimination known as Lyapunov-Schmidt reduction; the terms of first order are those of
     :func:`first_order`.
     """
-    if system.general:
-        raise ValueError("periodic terms beside the mesh stiffness are not supported here")
+    if refused := unsupported(system, SUPPORTS):
+        raise ValueError(refused[0])
     more = products(system, harmonics)
     first = first_order(system, harmonics, modes, more)
     modal = modal_rows(system)
@@ -164,7 +168,7 @@ class _Block:
         sigma = np.stack(edges(problem))
         root = problem.frequency_p + problem.frequency_q
         threshold = first.threshold.reshape(len(first.index), -1)[np.ix_(where, self.members)].T
-        if problem.single and problem.damping_p is not None:
+        if problem.single:
             threshold = second_threshold(problem)
         terms, third = _sizes(problem, near)
         endless, coincident = np.isinf(sigma[1]), near[1] > near[2]
@@ -186,51 +190,47 @@ class _Block:
         w_p, w_q = (a[self.source] for a in (couplings.w_p, couplings.w_q))
         norm, one, two = 2 * np.sqrt(w_p * w_q), scale, scale**2
         through, shift_p, shift_q = couplings.through(), couplings.shift("p"), couplings.shift("q")
+        damping_p, damping_q, moved_p, moved_q, skew = self._damping(force, pairs, w_p, w_q)
         problem = Reduced(
             w_p,
             w_q,
             first=_times(couplings.direct()[self.source], one / norm),
             second=_times(through[0][self.source], two / norm),
-            shift_p=_times(shift_p[0][self.source], 0.5 * two / w_p),
-            shift_q=_times(shift_q[0][self.source], 0.5 * two / w_q),
+            shift_p=_times(shift_p[0][self.source], 0.5 * two / w_p) + moved_p,
+            shift_q=_times(shift_q[0][self.source], 0.5 * two / w_q) + moved_q,
             half_width=half,
+            damping_p=damping_p,
+            damping_q=damping_q,
+            skew=skew / norm[..., None, None],
         )
         size = 2 * through[1][self.source] / norm + 0.5 * (
             shift_p[1][self.source] / w_p + shift_q[1][self.source] / w_q
         )
         strength, distance, motion = (a[self.source] for a in couplings.nearest())
-        if self.modal.damping is not None:
-            problem = self._damped(problem, force, pairs)
         return problem, (size * two, strength * scale, distance, motion)
 
-    def _damped(self, problem: Reduced, force: ParametricExcitation, pairs: list[tuple[Group, Group]]) -> Reduced:
-        """Damping of the groups and, where damping couples modes, its effects of second order."""
+    def _damping(
+        self, force: ParametricExcitation, pairs: list[tuple[Group, Group]], w_p: Array, w_q: Array
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """D_P, D_Q and, where damping couples modes, its effects of second order: shifts of both groups, and 2 sqrt(w_P
+        w_Q) J.
+        """
         damping, squared = self.modal.damping, self.modal.squared_frequency
-        assert damping is not None
         p, q = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
-        parts = {
-            "damping_p": damping[:, p[:, :, None], p[:, None, :]],
-            "damping_q": damping[:, q[:, :, None], q[:, None, :]],
-        }
-        b = self._direct_matrix(force)
-        skew = np.zeros(problem.first.shape, dtype=complex)
-        shifts = []
-        for group, w, sign in ((p, problem.frequency_p, 1), (q, problem.frequency_q, -1)):
+        own, shifts, through = [], [], []
+        for group, w in ((p, w_p), (q, w_q)):
             outside = np.ones((len(pairs), squared.shape[-1]), dtype=bool)
             np.put_along_axis(outside, group, False, axis=1)
             gap = squared[:, None, :] - (w**2)[..., None]
             inverse = np.divide(1.0, gap, out=np.zeros(gap.shape), where=outside & (squared != 0)[:, None, :])
             rate = 2 * w[..., None, None] * damping[:, group]
-            shifts.append(-(rate * inverse[:, :, None, :]) @ np.swapaxes(rate, -1, -2) / (2 * w)[..., None, None])
-            weighted = sign * 1j * rate * inverse[:, :, None, :]
-            if sign > 0:
-                skew = skew + weighted @ np.swapaxes(b[:, q], -1, -2)
-            else:
-                skew = skew + b[:, p] @ np.swapaxes(weighted, -1, -2)
-        norm = 2 * np.sqrt(problem.frequency_p * problem.frequency_q)[..., None, None]
-        return replace(
-            problem, shift_p=problem.shift_p + shifts[0], shift_q=problem.shift_q + shifts[1], skew=skew / norm, **parts
-        )
+            weighted = rate * inverse[:, :, None, :]
+            own.append(damping[:, group[:, :, None], group[:, None, :]])
+            shifts.append(-weighted @ np.swapaxes(rate, -1, -2) / (2 * w)[..., None, None])
+            through.append(1j * weighted)
+        b = self._direct_matrix(force)
+        skew = through[0] @ np.swapaxes(b[:, q], -1, -2) - b[:, p] @ np.swapaxes(through[1], -1, -2)
+        return own[0], own[1], shifts[0], shifts[1], skew
 
     def _direct_matrix(self, force: ParametricExcitation) -> Array:
         """B of the excitation between all modes, ``(rows, n, n)``."""
@@ -337,9 +337,8 @@ def _sizes(problem: Reduced, around: tuple[Array, Array, Array, Array]) -> tuple
     w_p, w_q = problem.frequency_p, problem.frequency_q
     g = np.linalg.norm(problem.coupling, axis=(-2, -1))
     terms = size + 0.5 * g**2 * (1 / w_p + 1 / w_q)
-    if problem.damping_p is not None and problem.damping_q is not None:
-        rates = [np.linalg.norm(d, axis=(-2, -1)) for d in (problem.damping_p, problem.damping_q)]
-        terms = terms + rates[0] ** 2 / (2 * w_p) + rates[1] ** 2 / (2 * w_q)
+    rates = [np.linalg.norm(d, axis=(-2, -1)) for d in (problem.damping_p, problem.damping_q)]
+    terms = terms + rates[0] ** 2 / (2 * w_p) + rates[1] ** 2 / (2 * w_q)
     half = 2 * g + terms
     distance = np.maximum(distance, CLOSEST * (w_p + w_q))
     mixing = np.maximum(strength / distance, half / (2 * np.minimum(w_p, w_q)))

@@ -66,9 +66,7 @@ class ModalMatrices:
         deflection = np.swapaxes(system.flat(modes.mesh_deflection, 2), -1, -2)
         back = np.swapaxes(shapes, -1, -2)
         rate, rigid = system.flat(modes.rate), system.flat(modes.rigid, 1) == 1
-        damping = np.zeros(shapes.shape)
-        if system.damping is not None:
-            damping = back @ system.flat(system.damping, 2) @ shapes
+        damping = back @ system.flat(system.damping_matrix, 2) @ shapes
         parts = [(False, deflection[:, i, :, None] * deflection[:, i, None, :]) for i in range(len(system.meshes))]
         for term in system.terms:
             u, v = (np.einsum("rnp,rn->rp", shapes, system.flat(end, 1)) for end in (term.left, term.right))

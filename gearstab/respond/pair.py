@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from math import inf, tau
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -32,9 +32,7 @@ MOST_SAMPLES, BYTES = 20_000_000, 64
 
 def response(config: Config, wanted: PairRespond) -> tuple[PairResponse, ResultTree]:
     """Compute the response, and the result to be written; raises ConfigError."""
-    pair = build(config.parameters)
-    if not isinstance(pair, RotatingPair):
-        raise TypeError("the section respond is that of a pair given by its gears")
+    pair = cast(RotatingPair, build(config.parameters))
     speed = wanted.speed * pair.numbers.teeth[0]
     step = tau / speed / wanted.samples_per_cycle
     _affordable(config, wanted, speed)

@@ -120,5 +120,5 @@ class Assembly:
         )  # fmt: skip
         system, held = with_damping(bare, p), self.matrix("damping")
         if np.any(held):
-            system = replace(system, damping=held if system.damping is None else held + system.damping)
+            system = replace(system, damping=held + system.damping_matrix)
         return with_forcing(system, p)

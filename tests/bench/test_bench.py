@@ -155,3 +155,31 @@ def test_command_needs_a_mesh_frequency_axis(tmp_path):
     result = CliRunner().invoke(group, ["bench", str(tmp_path / "train.yaml")])
     assert result.exit_code == 2
     assert "mesh_frequency" in result.output
+
+
+ROTOR = """
+system:
+  kind: matrices
+  mass: [[1.0, 0.0], [0.0, 1.0]]
+  stiffness: [[1.0, 0.0], [0.0, 2.0]]
+  meshes:
+    - {direction: [1.0, 1.0], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
+    - {direction: [1.0, -1.0], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
+sweep: {mesh_frequency: {start: 0.5, stop: 7.0, num: 50}}
+methods: {floquet: {}}
+"""
+TURNING = '  rotation: {speed_ratio: "1/20", gyroscopic: [[0.0, 0.5], [-0.5, 0.0]]}\n'
+APART = ROTOR.replace("[1.0, -1.0],", "[1.0, -1.0], frequency_ratio: 0.7123456, exact: false,")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [(ROTOR.replace("  meshes", TURNING + "  meshes"), "act with a speed of rotation"), (APART, "irrational ratio")],
+    ids=["rotation", "irrational ratio"],
+)
+def test_command_refuses_what_its_scenes_do_not_hold(tmp_path, text, reason):
+    (tmp_path / "system.yaml").write_text(text)
+    result = CliRunner().invoke(group, ["bench", str(tmp_path / "system.yaml")])
+    assert result.exit_code == 2
+    assert "bench: " in result.output
+    assert reason in result.output

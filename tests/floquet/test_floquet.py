@@ -353,7 +353,7 @@ def test_general_damping_by_two_ways():
     """Diagonalised generators against scaling and squaring."""
     system = random_system(np.random.default_rng(5), 3, damping=True)
     (pattern,) = prepare(system)
-    generator = damped.generators(pattern, pattern.elastic.damping)
+    generator = damped.generators(pattern)
     omega = np.array([0.3, 1.0, 2.5])
     m, scale = damped.monodromy(generator, pattern, 0, omega)
     for k in range(3):

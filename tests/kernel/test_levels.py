@@ -22,7 +22,7 @@ def chain(n: int, damping: float, meshes: int = 1, epsilon: float = 0.3) -> tupl
     each = [Mesh(f"mesh {k}", g, np.asarray(1.5), np.asarray(epsilon), Rectangular(1.4)) for k, g in enumerate(gauges)]
     system = GearSystem(np.eye(n), stiffness, tuple(each), damping * stiffness)
     (pattern,) = prepare(system)
-    return pattern, generators(pattern, pattern.elastic.damping)
+    return pattern, generators(pattern)
 
 
 def in_many_digits(generator: Generators, pattern: Pattern, omega: float) -> Array:

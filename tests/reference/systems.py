@@ -225,8 +225,8 @@ def damped_patterns(
     item: GearSystem, points: int, low: float = 0.15
 ) -> list[tuple[Pattern, damped.Generators, np.ndarray]]:
     """The same with the generators of general damping."""
-    found = [(p, p.elastic.damping, omega) for p, omega in patterns(item, points, low)]
-    return [(p, damped.generators(p, c), omega) for p, c, omega in found if c is not None]
+    found = patterns(item, points, low)
+    return [(p, damped.generators(p), omega) for p, omega in found if not p.elastic.conservative]
 
 
 # ---- smooth waves

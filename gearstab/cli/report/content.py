@@ -81,13 +81,13 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     from dataclasses import replace
 
     from gearstab.design.reasons.tongues import single
+    from gearstab.methods.boundaries import BoundaryAnalysis
     from gearstab.support import unsupported
-    from gearstab.system import Feature
     from gearstab.systems import build
 
     if solution is None:
         system = build(config.parameters)
-        if refused := unsupported(system, {Feature.PERIODIC_TERMS}):
+        if refused := unsupported(system, BoundaryAnalysis.supports):
             raise NotPossible(f"a report {refused[0]}", refused[1])
         return [facts.state_of("given", system, _spans(config), config)]
     found = []

@@ -143,7 +143,7 @@ def search_work(system: GearSystem, low: float, high: float) -> float:
     terms it keeps to its budgets where its fewest points do.
     """
     parts = reduction(system).parts
-    if system.damping is not None or system.general:
+    if system.damped or system.general:
         budgets = (2 + PURSUIT) * BUDGET
         return budgets + sum(MODULI * COARSEST * part.segments * (2.0 * part.size) ** 3 for part in parts)
     frequency = np.nan_to_num(natural_modes(system).natural_frequency)

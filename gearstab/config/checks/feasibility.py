@@ -38,7 +38,7 @@ def _check_phases(document: Document, config: Config, system: GearSystem) -> Non
         found.append((("respond", key), float(getattr(config.respond, key))))
     factor = np.linalg.inv(np.linalg.cholesky(system.mass))
     elastic = np.abs(np.linalg.eigvalsh(factor @ system.mean_stiffness_matrix() @ factor.T))
-    viscous = np.zeros(1) if system.damping is None else np.abs(np.linalg.eigvals(factor @ system.damping @ factor.T))
+    viscous = np.abs(np.linalg.eigvals(factor @ system.damping_matrix @ factor.T))
     fastest = float(max(np.sqrt(elastic.max()), viscous.max()))
     lowest = 2 * np.pi * float(system.common_period()[0]) * fastest / LARGEST_PHASE
     for path, frequency in found:

@@ -11,7 +11,7 @@ import numpy as np
 from gearstab.design.judging import regions
 from gearstab.design.problem import Batch, Span
 from gearstab.modal import mean_modes
-from gearstab.support import ANY_LINEAR
+from gearstab.support import ANY_LINEAR, unsupported
 from gearstab.system import Array, Feature, GearSystem
 
 UNIFORM = 48
@@ -139,7 +139,7 @@ def _peak(
 ) -> Array:
     rows = system.rows
     omega = np.broadcast_to(np.linspace(span.low, span.high, uniform), (rows, uniform))
-    if regional and not system.general and system.commensurate:
+    if regional and not unsupported(system, REGIONS):
         omega = np.concatenate([omega, _within(regional_of, span)], axis=1)
     omega = np.sort(omega, axis=1)
     values = value(system, omega)
@@ -172,7 +172,9 @@ EXACT: dict[str, Callable[[Batch], Array]] = {
 }
 """By name, the value of each row; NaN where there is none."""
 
-SUPPORTS: dict[str, frozenset[Feature]] = dict.fromkeys(EXACT, frozenset()) | {
+REGIONS: frozenset[Feature] = frozenset()
+"""The features of systems whose regions are found by root finding."""
+SUPPORTS = dict.fromkeys(EXACT, REGIONS) | {
     "growth_rate": frozenset({Feature.PERIODIC_TERMS}),
     "load_factor": frozenset({Feature.PERIODIC_TERMS}),
     "root_stress": ANY_LINEAR,

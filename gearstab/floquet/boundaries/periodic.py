@@ -104,7 +104,7 @@ def parts(system: GearSystem) -> Iterator[PeriodicPart]:
         own = [rows[k] for k in members]
         none, whole = np.zeros(r), np.zeros((r, n, n))
         rate, exponents = np.array([g.rate for g in own]), np.stack([g.rigid_exponents for g in own])
-        elastic = Elastic(members, rate, whole, np.zeros((r, 0, n)), None, none, exponents, None)
+        elastic = Elastic(members, rate, whole, np.zeros((r, 0, n)), None, none, exponents, whole[:, :0])
         unit, levels = np.ones((r, 1)), np.zeros((r, 1, 0))
         pattern = Pattern(members, cycles, unit, none, np.zeros(1, dtype=int), levels, elastic, whole[:, None])
         yield PeriodicPart(Part(pattern, n, np.tile(np.arange(n), (r, 1)), 1), own, plan, varies)

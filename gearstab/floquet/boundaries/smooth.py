@@ -74,9 +74,7 @@ def searched(part: Part, division: Division, limits: Limits) -> tuple[Part, Sear
     """Rows of a part, all damped or none, on the steps by which their regions are named, and what is found out about
     them; the edges' brackets contain the error of the steps.
     """
-    elastic = division.elastic
-    damped = bool(elastic.shift.any()) or elastic.damping is not None
-    pattern, found = (_damped if damped else _conservative)(division, limits)
+    pattern, found = (_damped if division.elastic.damped.any() else _conservative)(division, limits)
     return replace(part, pattern=pattern), found
 
 

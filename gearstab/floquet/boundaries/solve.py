@@ -95,7 +95,7 @@ def _searched(
 ) -> Iterator[tuple[Part, Search | tuple[Chain, SearchResult]]]:
     """Parts of all rows and what is found out about them."""
     for part, division in _parts(system, reduction):
-        moving = (part.pattern.elastic.shift != 0) | (part.pattern.elastic.damping is not None)
+        moving = part.pattern.elastic.damped
         for rows in (np.flatnonzero(~moving), np.flatnonzero(moving)):
             if len(rows) == 0:
                 continue

@@ -80,7 +80,7 @@ def solve(
     settings = (confidence, seed)
     found = (_piecewise if system.piecewise_constant else _smooth)(system, length(system, cycles), omega, settings)
     for row, elastic, negative, value, half in found:
-        conservative[row] = elastic.damping is None and elastic.shift[0] == 0
+        conservative[row] = not elastic.damped[0]
         by_itself = elastic.rigid_growth[0]
         for total, one in ((growth, value), (upper, value + half), (lower, value - half)):
             total[row] = np.maximum(total[row], np.maximum(one, by_itself))
@@ -152,18 +152,18 @@ def _exponents(pattern: Pattern, constant: bool, omega: Array, settings: tuple[f
         own = omega[part] / rate
         times, logs = growths(pattern, own, RECORDED, seed)
         found[:, part] = estimate(
-            times[:, None] * 2 * np.pi * pattern.cycles / own, logs, confidence, elastic.damping is None
+            times[:, None] * 2 * np.pi * pattern.cycles / own, logs, confidence, elastic.conservative
         )
     # The growth of a conservative system, before any uniform damping, is never negative.
-    if elastic.damping is None:
+    if elastic.conservative:
         found[0] = np.where(found[0] <= found[1], 0.0, found[0])
     return rate * (found[0] - shift), rate * found[1]
 
 
 def _constant(pattern: Pattern) -> float:
     """The growth rate of a block whose stiffness does not vary; that of no coordinates is -inf."""
-    if pattern.elastic.damping is not None:
-        return float(damped.generators(pattern, pattern.elastic.damping).eigen[0].real.max(initial=-np.inf))
+    if not pattern.elastic.conservative:
+        return float(damped.generators(pattern).eigen[0].real.max(initial=-np.inf))
     if pattern.size == 0:
         return -np.inf
     unstable = np.sqrt(np.maximum(-pattern.squared_frequency, 0.0)).max()

@@ -76,10 +76,9 @@ class Damped:
     """Damped rotations in the real modal coordinates of each state."""
 
     def __init__(self, pattern: Pattern, omega: Array, start: Array) -> None:
-        assert pattern.elastic.damping is not None
         self._pattern = pattern
         self._omega = omega
-        self._generator = damped.generators(pattern, pattern.elastic.damping)
+        self._generator = damped.generators(pattern)
         self._modal = bool(self._generator.well_conditioned[0])
         self._z = np.repeat(start[..., None], len(omega), axis=-1)
         if self._modal:
@@ -117,19 +116,13 @@ class Damped:
 
 def carrier(pattern: Pattern, omega: Array, start: Array) -> Carrier:
     """Vectors ``(m, k)`` at the beginning of a pattern of one row, at mesh frequencies ``(P,)`` in its units."""
-    return (Conservative if pattern.elastic.damping is None else Damped)(pattern, omega, start)
-
-
-def state_size(pattern: Pattern) -> int:
-    """m, the length of (u, u') and of the velocities of rigid-body modes that damping couples to them."""
-    drag = pattern.elastic.rigid_damping
-    return 2 * pattern.size + (0 if drag is None else drag.shape[1])
+    return (Conservative if pattern.elastic.conservative else Damped)(pattern, omega, start)
 
 
 def weights(pattern: Pattern) -> Array:
     """``(m,)``, W: |W x| is the square root of twice the energy of x in the springs of the mean state, about."""
     stiffness = np.abs(np.einsum("dii->di", pattern.stiffness[0])).mean(axis=0)
-    result = np.ones(state_size(pattern))
+    result = np.ones(pattern.elastic.state_size)
     result[: pattern.size] = np.sqrt(np.maximum(stiffness, SOFTEST * max(float(np.abs(stiffness).max()), 1e-300)))
     return result
 
@@ -140,13 +133,12 @@ def frame(pattern: Pattern, seed: int) -> Array:
     Of a damped system they are the slowest to decay with constant mean stiffness: two vectors of which one decays a
     little faster than the other would take long to tell apart. ADMIXTURE makes sure that no solution is left out.
     """
-    w, size = weights(pattern)[:, None], state_size(pattern)
+    w, size = weights(pattern)[:, None], pattern.elastic.state_size
     random = np.random.default_rng(seed).standard_normal((size, min(size, VECTORS)))
-    damping = pattern.elastic.damping
-    if damping is not None and size > VECTORS:
+    if not pattern.elastic.conservative and size > VECTORS:
         mean = np.einsum("s,sij->ij", pattern.fractions[0], pattern.stiffness[0, pattern.states])
         still = replace(pattern, stiffness=mean[None, None])
-        values, vectors, _ = (part[0, 0] for part in damped.generators(still, damping).eigen)
+        values, vectors, _ = (part[0, 0] for part in damped.generators(still).eigen)
         order = np.argsort(-values.real)
         chosen = [k for k in order if values[k].imag >= 0][:VECTORS]
         parts = [part for k in chosen for part in (vectors[:, k].real, vectors[:, k].imag)[: 1 + (values[k].imag > 0)]]

@@ -70,25 +70,18 @@ class Chain:
 
 def chain(pattern: Pattern) -> Chain:
     """The chain of a pattern, with the uniform damping that was taken out of its stiffness put back."""
+    pattern = pattern.unshifted()
     elastic = pattern.elastic
-    if elastic.damping is None:
-        unit = np.eye(pattern.size)
-        stiffness = pattern.stiffness + (elastic.shift**2)[:, None, None, None] * unit
-        elastic = replace(elastic, damping=2 * elastic.shift[:, None, None] * unit, shift=np.zeros_like(elastic.shift))
-        pattern = replace(pattern, stiffness=stiffness, elastic=elastic)
-    damping = elastic.damping
-    assert damping is not None
     time = np.zeros(pattern.stiffness.shape[:2])
     for s, state in enumerate(pattern.states):
         time[:, state] += pattern.fractions[:, s]
     squared = np.einsum("rd,rdii->ri", time, pattern.stiffness)
-    rates = [0.5 * np.einsum("rii->ri", damping)]
-    if elastic.rigid_damping is not None:
-        rates.append(0.5 * np.einsum("rii->ri", elastic.rigid_damping[..., pattern.size :]))
+    diagonal = [elastic.damping_matrix, elastic.rigid_damping[..., pattern.size :]]
+    rates = [0.5 * np.einsum("rii->ri", matrix) for matrix in diagonal]
     with np.errstate(invalid="ignore"):
         frequencies = np.sqrt(squared)
     where = (pattern.cycles, pattern.fractions, pattern.states)
-    return linked(*where, generators(pattern, damping), frequencies, np.concatenate(rates, axis=1))
+    return linked(*where, generators(pattern), frequencies, np.concatenate(rates, axis=1))
 
 
 def linked(

@@ -124,21 +124,16 @@ def _invertible(vectors: Array) -> Array:
     return np.asarray(singular[..., 0] < ILL_CONDITIONED * singular[..., -1])
 
 
-def generators(pattern: Pattern, damping: Array) -> Generators:
-    """x = (w u, u', r'): u'' = -K u - C u' - C_er r', r'' = -C_re u' - C_rr r'; w = 1 in the pattern's units.
-
-    damping: ``(r, n, n)``, C of the elastic coordinates.
-    """
+def generators(pattern: Pattern) -> Generators:
+    """x = (w u, u', r'): u'' = -K u - C u' - C_er r', r'' = -C_re u' - C_rr r'; w = 1 in the pattern's units."""
     elastic, n = pattern.elastic, pattern.size
     rows, states = pattern.stiffness.shape[:2]
-    extra = 0 if elastic.rigid_damping is None else elastic.rigid_damping.shape[1]
-    a = np.zeros((rows, states, 2 * n + extra, 2 * n + extra))
+    a = np.zeros((rows, states, elastic.state_size, elastic.state_size))
     a[..., :n, n : 2 * n] = np.eye(n)
     a[..., n : 2 * n, :n] = -pattern.stiffness
-    a[..., n : 2 * n, n : 2 * n] = -damping[:, None]
-    if elastic.rigid_damping is not None:
-        a[..., 2 * n :, n:] = -elastic.rigid_damping[:, None]
-        a[..., n : 2 * n, 2 * n :] = -np.swapaxes(elastic.rigid_damping[..., :n], -1, -2)[:, None]
+    a[..., n : 2 * n, n : 2 * n] = -elastic.damping_matrix[:, None]
+    a[..., 2 * n :, n:] = -elastic.rigid_damping[:, None]
+    a[..., n : 2 * n, 2 * n :] = -np.swapaxes(elastic.rigid_damping[..., :n], -1, -2)[:, None]
     return Generators(a)
 
 

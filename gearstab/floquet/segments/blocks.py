@@ -129,12 +129,12 @@ def _family(pattern: Pattern) -> tuple[Array, Array, Array, Array]:
     size = scale[:, :, None] * scale[:, None, :]
     backward = (np.abs(total) / size * ~np.eye(n, dtype=bool)).max(axis=(1, 2))
     variation = variation.reshape(*variation.shape[:2], n, n) / size[:, None]
-    if elastic.damping is None:
+    if elastic.conservative:
         return values, scale, variation, backward
-    damping = elastic.damping
+    damping = elastic.damping_matrix
     largest = np.abs(damping).max(axis=(1, 2))
     drag = [damping]
-    if elastic.rigid_damping is not None:
+    if elastic.held:
         to_rigid = elastic.rigid_damping[..., :n]
         largest = np.maximum(largest, np.abs(elastic.rigid_damping).max(axis=(1, 2)))
         drag.append(np.swapaxes(to_rigid, -1, -2) @ to_rigid / largest[:, None, None])
@@ -154,12 +154,9 @@ def _through_rigid(pattern: Pattern, rows: Array, basis: Array, none: Array) -> 
     """``(r, n, n)``: coordinates that damping couples to rigid-body modes by more than ``none`` (r,), and so to each
     other.
     """
-    n = pattern.size
-    drag = pattern.elastic.rigid_damping
-    if drag is None:
-        return np.zeros((len(rows), n, n), dtype=bool)
-    coupled = np.abs(drag[rows][..., :n] @ basis).max(axis=1)
-    attached = coupled > none[:, None] * np.abs(drag[rows]).max(axis=(1, 2))[:, None]
+    drag = pattern.elastic.rigid_damping[rows]
+    coupled = np.abs(drag[..., : pattern.size] @ basis).max(axis=1, initial=0.0)
+    attached = coupled > none[:, None] * np.abs(drag).max(axis=(1, 2), initial=0.0)[:, None]
     return attached[:, :, None] & attached[:, None, :]
 
 
@@ -182,7 +179,7 @@ def _blocks(pattern: Pattern, basis: Array, turned: Array, scale: Array, none: A
     values = [turned[:, :, part[:, None], part] for part in parts]
     size = [scale[:, part] / scale.max(axis=1, keepdims=True) for part in parts]
     owner = _hub(pattern, basis, parts)
-    alone = -1 if pattern.elastic.rigid_damping is None else owner
+    alone = owner if pattern.elastic.held else -1
     taken: set[int] = set()
     for k, part in enumerate(parts):
         if k in taken:
@@ -205,9 +202,7 @@ def _blocks(pattern: Pattern, basis: Array, turned: Array, scale: Array, none: A
 def _hub(pattern: Pattern, basis: Array, parts: list[Array]) -> int:
     """The block that the rigid-body modes go with: the one that damping couples to them."""
     drag = pattern.elastic.rigid_damping
-    if drag is None:
-        return 0
-    coupled = np.abs(drag[..., : pattern.size] @ basis).max(axis=(0, 1))
+    coupled = np.abs(drag[..., : pattern.size] @ basis).max(axis=(0, 1), initial=0.0)
     return int(np.argmax([coupled[part].max() for part in parts]))
 
 
@@ -256,14 +251,14 @@ def _merged_states(pattern: Pattern, elastic: Elastic, index: Array, state: Arra
 def _projected(elastic: Elastic, basis: Array, with_rigid: bool) -> Elastic:
     """Elastic coordinates restricted to the columns of ``basis`` (r, n, m)."""
     back = np.swapaxes(basis, -1, -2)
-    drag = elastic.rigid_damping if with_rigid else None
     n = basis.shape[1]
+    drag = elastic.rigid_damping if with_rigid else elastic.rigid_damping[:, :0, :n]
     return replace(
         elastic,
         static=back @ elastic.static @ basis,
         directions=elastic.directions @ basis,
-        damping=None if elastic.damping is None else back @ elastic.damping @ basis,
+        damping=None if elastic.conservative else back @ elastic.damping_matrix @ basis,
         rigid_exponents=elastic.rigid_exponents if with_rigid else elastic.rigid_exponents[:, :0],
-        rigid_damping=None if drag is None else np.concatenate([drag[..., :n] @ basis, drag[..., n:]], axis=-1),
+        rigid_damping=np.concatenate([drag[..., :n] @ basis, drag[..., n:]], axis=-1),
         turns=None,
     )

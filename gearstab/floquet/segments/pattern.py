@@ -138,6 +138,12 @@ class Pattern:
         free = self.elastic.without_damping()
         return replace(self, elastic=free, stiffness=free.stiffness_of(self.levels))
 
+    def unshifted(self) -> Pattern:
+        """The same rows and coordinates with uniform damping as a matrix like any other."""
+        own = self.elastic.unshifted()
+        stiffness = own.stiffness_of(self.levels) if self.elastic.shift.any() else self.stiffness
+        return replace(self, elastic=own, stiffness=stiffness)
+
     def durations(self, row: int, omega: Array) -> Array:
         """``(S, P)``, durations of a row's segments, units 1/rate, for mesh frequencies ``(P,)`` in units of rate."""
         return self.fractions[row][:, None] * (2 * np.pi * self.cycles) / omega

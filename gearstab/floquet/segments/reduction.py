@@ -37,8 +37,8 @@ class Elastic:
     shift: ``(r,)``, alpha/2, the decay common to all elastic exponents, taken out of ``static``.
     rigid_exponents: ``(r, k)``, those known beforehand, 1/time: 2 per rigid mode, or only the one of its position where
         damping couples rigid and elastic modes and acts on its velocity.
-    rigid_damping: ``(r, n_held, n + n_held)``, the rows [C_re, C_rr] in that case, else None; of the rigid-body modes
-        that damping holds.
+    rigid_damping: ``(r, n_held, n + n_held)``, the rows [C_re, C_rr] of the rigid-body modes that damping holds in that
+        case; of none else.
     turns: ``(r, s, n, n)``, the symmetric parts of the s turns that the mean system is the same after; None without.
     """
 
@@ -49,8 +49,33 @@ class Elastic:
     damping: Array | None
     shift: Array
     rigid_exponents: Array
-    rigid_damping: Array | None
+    rigid_damping: Array
     turns: Array | None = None
+
+    @property
+    def conservative(self) -> bool:
+        """Whether there is no damping after the shift."""
+        return self.damping is None
+
+    @property
+    def damped(self) -> Array:
+        """``(r,)`` bool: the rows with any damping of the elastic modes, uniform or not."""
+        return (self.shift != 0) | (not self.conservative)
+
+    @property
+    def damping_matrix(self) -> Array:
+        """``(r, n, n)``, C after the shift."""
+        return np.zeros_like(self.static) if self.damping is None else self.damping
+
+    @property
+    def held(self) -> int:
+        """The number of rigid-body modes that damping holds, whose velocities follow (u, u') in the state."""
+        return int(self.rigid_damping.shape[1])
+
+    @property
+    def state_size(self) -> int:
+        """m, the length of the state."""
+        return 2 * int(self.static.shape[-1]) + self.held
 
     @property
     def rigid_growth(self) -> Array:
@@ -61,10 +86,10 @@ class Elastic:
     @property
     def rigid_driven(self) -> Array:
         """``(r,)`` bool: whether damping feeds a rigid-body mode, alone or with the elastic modes it is coupled to."""
-        if self.rigid_damping is None:
-            return self.rigid_growth > 0
         own = self.rigid_damping[..., self.static.shape[-1] :]
-        return np.asarray(np.linalg.eigvalsh(own)[:, 0] < -DECOUPLED * np.abs(self.rigid_damping).max(axis=(1, 2)))
+        least = np.linalg.eigvalsh(own).min(axis=1, initial=np.inf)
+        noise = DECOUPLED * np.abs(self.rigid_damping).max(axis=(1, 2), initial=0.0)
+        return np.asarray((self.rigid_growth > 0) | (least < -noise))
 
     def subset(self, index: Array) -> Elastic:
         """Some of the rows."""
@@ -73,7 +98,13 @@ class Elastic:
 
     def without_damping(self) -> Elastic:
         """The same coordinates without any damping of the elastic ones."""
-        return replace(self, damping=None, rigid_damping=None, shift=np.zeros_like(self.shift))
+        none = self.rigid_damping[:, :0, : self.static.shape[-1]]
+        return replace(self, damping=None, rigid_damping=none, shift=np.zeros_like(self.shift))
+
+    def unshifted(self) -> Elastic:
+        """The same coordinates with uniform damping as a matrix like any other."""
+        uniform = 2 * self.shift[:, None, None] * np.eye(self.static.shape[-1])
+        return replace(self, damping=self.damping_matrix + uniform, shift=np.zeros_like(self.shift))
 
     def stiffness_of(self, levels: Array) -> Array:
         """``(r, D, n, n)`` for mesh stiffnesses ``(r, D, meshes)``, in units of rate^2 and after the shift."""
@@ -94,7 +125,7 @@ def reduce(system: GearSystem) -> Iterator[Elastic]:
     shapes, rate = system.flat(modes.shapes, 2), system.flat(modes.rate)
     deflection = np.swapaxes(system.flat(modes.mesh_deflection, 2), -1, -2)
     rigid = system.flat(modes.rigid, 1) == 1
-    drag = None if system.damping is None else _damping(shapes, system.flat(system.damping, 2), rigid)
+    drag = _damping(shapes, system.flat(system.damping_matrix, 2), rigid)
     # Before the rows are laid out: they may share it.
     static = system.flat(_modal(modes.shapes, system.stiffness), 2)
     turns = [_modal(shapes, system.flat(system.mass @ symmetry.turn, 2)) for symmetry in system.symmetries]
@@ -105,11 +136,11 @@ def reduce(system: GearSystem) -> Iterator[Elastic]:
         if elastic.shape[1] < n:
             directions = np.take_along_axis(directions, elastic[:, None, :], axis=-1)
         rigid_at = np.nonzero(rigid[members])[1].reshape(len(members), -1)
-        none, still = np.zeros(len(members)), np.zeros((len(members), 2 * rigid_at.shape[1]))
         kept = [_take(turn[members], elastic, elastic) for turn in turns]
         stacked = np.stack(kept, axis=1) if kept else None
-        base = Elastic(members, rate[members], inner, directions, None, none, still, None, stacked)
-        yield base if drag is None else _with_damping(base, drag.subset(members), elastic, rigid_at, int(key[1]))
+        none, free = np.zeros(len(members)), np.zeros((len(members), 0, elastic.shape[1]))
+        base = Elastic(members, rate[members], inner, directions, None, none, free[..., 0], free, stacked)
+        yield _with_damping(base, drag.subset(members), elastic, rigid_at, int(key[1]))
 
 
 @dataclass(frozen=True)
@@ -160,14 +191,12 @@ def _take(matrix: Array, rows: Array, columns: Array) -> Array:
     return np.take_along_axis(chosen, columns[:, None, :], axis=2)
 
 
-def _kinds(rigid: Array, drag: _Damping | None) -> Array:
+def _kinds(rigid: Array, drag: _Damping) -> Array:
     """``(rows, 3)``: number of rigid modes; 0 conservative after a shift, 1 damped, 2 damping couples to rigid ones;
     how many rigid modes are held where it does.
     """
     kind = np.zeros((len(rigid), 3), dtype=int)
     kind[:, 0] = rigid.sum(axis=1)
-    if drag is None:
-        return kind
     inside = ~rigid[:, :, None] & ~rigid[:, None, :]
     mean = np.einsum("rii,ri->r", drag.matrix, ~rigid) / np.maximum((~rigid).sum(axis=1), 1)
     deviation = np.abs(drag.matrix - mean[:, None, None] * np.eye(rigid.shape[1])) * inside

@@ -70,12 +70,12 @@ def rounding(pattern: Pattern, omega: Array, highest: Array | None = None) -> Ar
 
 def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> KernelAnswer:
     """All points of a pattern; interpolate: whether over mesh frequency, where that pays."""
-    if pattern.elastic.damping is None:
+    if pattern.elastic.conservative:
         noise = rounding(pattern, omega)
         verdict, growth, rho, magnified = kernel.scan_traces(pattern, omega, interpolate)
         _complete(pattern, omega, verdict, growth, rho, magnified)
         return KernelAnswer(growth, verdict, rho, np.zeros(omega.shape), noise * magnified)
-    generator: Generators = damped.generators(pattern, pattern.elastic.damping)
+    generator: Generators = damped.generators(pattern)
     growth, scale, values = kernel.multipliers_damped(pattern, generator, omega)
     # The modes without damping, which are not needed otherwise, would take as long as all the rest.
     noise = rounding(pattern, omega, np.abs(generator.eigen[0]).max(axis=-1))

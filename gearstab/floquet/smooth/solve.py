@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gearstab.floquet.kernel.damped import generators
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE
 from gearstab.floquet.segments.blocks import Block, split, whole
 from gearstab.floquet.segments.pattern import Pattern
@@ -117,22 +118,21 @@ def _varying(division: Division, omega: Array, exponents: bool, tolerance: float
     chosen, wanted = ladder(division, omega, decay, tolerance)
     found = estimates(chosen, omega, decay, tolerance, wanted)
     status = np.zeros(omega.shape, dtype=np.int16)
-    size = 2 * elastic.static.shape[-1] + (0 if elastic.rigid_damping is None else elastic.rigid_damping.shape[1])
-    table = np.full((*omega.shape, size), np.nan, dtype=complex) if exponents else None
-    if elastic.damping is None:
+    table = np.full((*omega.shape, elastic.state_size), np.nan, dtype=complex) if exponents else None
+    if elastic.conservative:
         for rows, points, pattern in _at_resolutions(chosen, found, found.verdict == DOUBTFUL):
             _settled(found, status, pattern, rows, points, omega)
     if table is not None:
         for rows, points, pattern in _at_resolutions(chosen, found, np.ones(omega.shape, dtype=bool)):
             own = omega[rows[:, None], points]
-            if elastic.damping is None:
+            if elastic.conservative:
                 stable = found.verdict[rows[:, None], points] == STABLE
                 table[rows[:, None], points] = conservative_exponents(pattern, own, stable)
             else:
-                table[rows[:, None], points] = damped_exponents(pattern, elastic.damping[rows], own)
+                table[rows[:, None], points] = damped_exponents(pattern, generators(pattern), own)
     growth = found.growth - decay
     value, stable = decided(growth, period, DAMPED_ON_CIRCLE)
-    if elastic.damping is None:
+    if elastic.conservative:
         value, stable = growth / period, np.where(decay == 0, found.verdict == STABLE, growth <= 0).astype(np.int8)
         near = np.where(
             decay == 0, found.changed | ((stable == 0) & (growth <= found.error)), np.abs(growth) <= found.error

@@ -177,10 +177,10 @@ def growing(pattern: Pattern) -> Array:
     """
     rows, n = len(pattern.rows), pattern.size
     result = np.full(rows, -1)
-    if pattern.elastic.damping is None:
+    if pattern.elastic.conservative:
         return np.where(pattern.elastic.shift < 0, 0, result) if n else result
     mean = np.einsum("rs,rsij->rij", pattern.fractions, pattern.stiffness[:, pattern.states])
-    return fastest(general.generators(replace(pattern, stiffness=mean[:, None]), pattern.elastic.damping), n)
+    return fastest(general.generators(replace(pattern, stiffness=mean[:, None])), n)
 
 
 def fastest(mean: general.Generators, n: int) -> Array:
