@@ -420,7 +420,7 @@ def test_frequencies_of_terms_alone_have_tongues() -> None:
 
 
 def test_order_two_refuses_terms() -> None:
-    with pytest.raises(ValueError, match="periodic terms"):
+    with pytest.raises(ValueError, match="supports only periodic mesh stiffness"):
         second_order(pair(0.01, 1.0), 1)
 
 
