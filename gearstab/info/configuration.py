@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gearstab.info import danger, periods, train
+from gearstab.info import danger, periods, rotations, train
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -45,6 +45,8 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "frequencies": periods.frequencies(config, system),
         **_modes(system),
         "mean_system": _mean_system(system),
+        "held_rotations": any(rotation.speed_ratio is None for rotation in system.rotations),
+        "rotations": rotations.facts(system, _frequency_range(config)),
         "train": train.facts(config, system),
         "reductions": _reductions(system),
         "terms": [term.name for term in system.terms],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gearstab.info import danger, periods, train
+from gearstab.info import danger, periods, rotations, train
 from gearstab.info.tables import table
 from gearstab.info.units import over
 
@@ -49,6 +49,7 @@ def _heading(facts: dict[str, Any]) -> str:
     lines = [
         facts["title"],
         *_verdict(facts),
+        *rotations.verdict(facts),
         "",
         f"system         {facts['kind']}, {len(facts['coordinates'])} coordinates: {', '.join(facts['coordinates'])}",
         *(f"{heading:<14} {said}" for heading, said in facts["summary"].items()),
@@ -88,14 +89,15 @@ def _verdict(facts: dict[str, Any]) -> list[str]:
 
 def _mean_lines(facts: dict[str, Any]) -> list[str]:
     """The motions of the mean system with its terms, of which the table of modes shows the symmetric part only."""
-    if not facts["terms"]:
+    if facts["rotations"] or not (facts["terms"] or facts["held_rotations"]):
         return []
     mean = facts["mean_system"]
     header = ["motion", "like mode", heading("frequency", facts["unit"]), "growth rate"]
     motions = enumerate(zip(mean["mode"], mean["frequency"], mean["growth_rate"], strict=True), 1)
     rows = [[str(k), str(p), _text(over(w, facts["per_unit"])), f"{g:.5g}"] for k, (p, w, g) in motions]
     return [
-        "These modes are of the symmetric mean system. With its damping and the means of its terms it moves so:",
+        "These modes are of the symmetric mean system. With its damping, the means of its terms and held rotations it "
+        "moves so:",
         table(header, rows),
     ]
 
@@ -137,7 +139,7 @@ def _gears(names: Sequence[str]) -> dict[str, list[str]]:
 
 def _mode_table(facts: dict[str, Any]) -> str:
     lines = [train.modes(facts)] if facts["train"] else _mode_lines(facts)
-    lines += _mean_lines(facts)
+    lines += _mean_lines(facts) + rotations.text(facts)
     equal = facts["equal_frequencies"]
     if len(equal) > FEW_GROUPS:
         listed = "; ".join(" ".join(map(str, group)) for group in equal)

@@ -211,7 +211,7 @@ def test_commands_take_terms_beside_rectangular_waves(tmp_path, text, command):
     result = CliRunner().invoke(group, arguments[command])
     assert result.exit_code == 0, result.output
     if command == "info":
-        assert "With its damping and the means of its terms it moves so" in result.output
+        assert "With its damping, the means of its terms and held rotations it moves so" in result.output
 
 
 class TestStrongDamping:

@@ -178,23 +178,24 @@ def _veering(motions: list[_Motions], slots: Array, exponents: Array) -> Array:
 class _Orbits:
     """Which coordinates are the two of a plane, and the sense of the rotation that they belong to.
 
-    A pair (X, Y), in the order of the coordinates, is what a gyroscopic matrix couples with each other and with nothing
-    else; positive from X to Y.
+    A pair (X, Y), in the order of the coordinates, is what the skew part of a gyroscopic or circulatory matrix couples
+    with each other and with nothing else; positive from X to Y.
     """
 
     def __init__(self, system: GearSystem) -> None:
         self.pairs: list[tuple[int, int, int]] = []
-        mass = np.diagonal(np.asarray(system.mass), axis1=-2, axis2=-1).reshape(-1, system.size)[0]
-        self.mass = mass
+        self.mass = np.diagonal(np.asarray(system.mass), axis1=-2, axis2=-1).reshape(-1, system.size)[0]
         for rotation in system.rotations:
-            if rotation.gyroscopic is None:
-                continue
-            matrix = np.abs(np.asarray(rotation.gyroscopic)).reshape(-1, system.size, system.size)[0]
-            coupled = matrix > PAIRED * matrix.max(initial=0.0)
             speed = rotation.speed_ratio if rotation.speed_ratio is not None else np.ravel(rotation.speed)[0]
-            for x, y in zip(*np.nonzero(np.triu(coupled)), strict=True):
-                if coupled[x].sum() == coupled[y].sum() == 1:
-                    self.pairs.append((int(x), int(y), -1 if speed < 0 else 1))
+            for given in (rotation.gyroscopic, rotation.circulatory):
+                if given is None:
+                    continue
+                matrix = np.asarray(given).reshape(-1, system.size, system.size)[0]
+                skew = np.abs(matrix - matrix.T)
+                coupled = skew > PAIRED * np.abs(matrix).max(initial=0.0)
+                for x, y in zip(*np.nonzero(np.triu(coupled)), strict=True):
+                    if coupled[x].sum() == coupled[y].sum() == 1:
+                        self.pairs.append((int(x), int(y), -1 if speed < 0 else 1))
 
     def whirl(self, shapes: Array) -> Array:
         """1, -1 or 0 for motions ``(k, n)``."""

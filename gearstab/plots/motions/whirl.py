@@ -17,7 +17,11 @@ from gearstab.results.display import SPEED_RATIOS
 
 Array = np.ndarray
 
-LOOKS = {1: (CASES[1], "-", "forward"), -1: (CASES[3], (0, (5, 1.5)), "backward"), 0: (LINE, "-", "neither")}
+LOOKS: dict[int, tuple[str, Any, str]] = {
+    1: (CASES[1], "-", "forward"),
+    -1: (CASES[3], (0, (5, 1.5)), "backward"),
+    0: (LINE, "-", "neither"),
+}
 """By the sense of the orbits: colour, line, words."""
 TURNING = "#8a8a8a"
 """Of lines at the speeds of rotation."""
@@ -44,11 +48,12 @@ class WhirlCurves:
         if "whirl" not in data or speed is None or view.x.name != speed.name:
             return None
         names = ("natural_frequency", "growth_rate", "whirl", "veering")
-        values = [view.cut(data[name], speed.name, "mode") for name in names]
+        frequency, growth, whirl, veering = (view.cut(data[name], speed.name, "mode") for name in names)
         floquet, unstable = group_of(tree, "floquet"), None
         if "stable" in floquet and set(map(str, floquet["stable"].dims)) <= {speed.name, *view.fixed}:
             unstable = view.cut(floquet["stable"], speed.name) == 0
-        return cls(speed.ascending, *values, unstable, tuple(np.atleast_1d(data.attrs[SPEED_RATIOS]).tolist()))
+        ratios = tuple(np.atleast_1d(data.attrs[SPEED_RATIOS]).tolist())
+        return cls(speed.ascending, frequency, growth, whirl, veering, unstable, ratios)
 
     def draw(self, ax: Axes, unit: float, factor: float) -> list[Line2D]:
         """Draw the curves, what grows by itself, where motions veer, and lines at the speeds of rotation."""

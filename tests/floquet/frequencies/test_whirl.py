@@ -130,6 +130,7 @@ def test_rotating_damping_is_named_by_its_threshold() -> None:
     np.testing.assert_array_equal(found.growth_rate.max(axis=1) > 0, [False, False, True, True])
     grows = np.argmax(found.growth_rate[-1])
     assert found.damping_ratio[-1, grows] < 0
+    assert found.whirl[-1, grows] == 1
 
 
 def test_equal_exponents_keep_their_curves() -> None:
