@@ -160,8 +160,8 @@ class ModalQuantities:
         return self.terms.left.shape[-1] > 0
 
     def rows(self, rows: Array) -> ModalQuantities:
-        arrays = (self.frequency, self.squared_frequency, self.deflection, self.damping)
-        return ModalQuantities(*(array[rows] for array in arrays), self.batch, self.terms.rows(rows))
+        arrays = ("frequency", "squared_frequency", "deflection", "damping")
+        return replace(self, terms=self.terms.rows(rows), **{name: getattr(self, name)[rows] for name in arrays})
 
 
 def modal_rows(system: GearSystem) -> ModalQuantities:

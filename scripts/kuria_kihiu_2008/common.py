@@ -109,7 +109,8 @@ def of_stages(design: Design, measure: str) -> np.ndarray:
 @cache
 def pairs(design: Design = Design()) -> list[Pair]:
     """The gears of stages I to IV."""
-    return [mesh.pairs[0] for mesh in Train(parameters(design)).teeth_of_meshes[:4]]
+    train = Train(parameters(design))
+    return [train.teeth_of(k).pairs[0] for k in range(4)]
 
 
 @cache
