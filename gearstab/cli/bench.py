@@ -98,7 +98,10 @@ def _scene(loaded: Config) -> Scene:
     values = [float(value) for value in axis.values]
     system = build(loaded.parameters)
     if refused := unsupported(system, {Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING}):
-        raise ConfigError([loaded.problem(("system",), "needs_other", f"bench: {refused[0]}", refused[1])])
+        apart = (i for i, mesh in enumerate(system.meshes) if isinstance(mesh.frequency_ratio, float))
+        places: list[tuple[str | int, ...]] = [("meshes", i, "frequency_ratio") for i in apart]
+        places += [("formulation",)] if system.formulations else [()]
+        raise ConfigError([loaded.problem(("system", *places[0]), "needs_other", f"bench: {refused[0]}", refused[1])])
     return Scene(without_rigid_modes(system), min(values), max(values))
 
 

@@ -95,7 +95,7 @@ def test_bench_names_the_place(tmp_path: Path) -> None:
     path.write_text(TRAIN.replace("MORE", IRRATIONAL).replace("METHOD", "floquet: {}"))
     done = CliRunner().invoke(group, ["bench", str(path), "-o", str(tmp_path / "out.h5")])
     assert done.exit_code == 2
-    assert f"{path}:7: system.meshes.1.frequency_ratio: mesh frequencies of irrational ratio" in done.stderr
+    assert f"{path}:7: system.meshes.1.frequency_ratio: bench: mesh frequencies of irrational ratio" in done.stderr
     text = TRAIN.replace("MORE", "lag: 0}").replace("METHOD", "perturbation: {}")
     path.write_text(text.replace("mesh_frequency: [1.0, 2.0]", "epsilon: [0.1, 0.2]"))
     done = CliRunner().invoke(group, ["bench", str(path), "-o", str(tmp_path / "out.h5")])
