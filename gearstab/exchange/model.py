@@ -12,6 +12,7 @@ from gearstab.floquet.truncation import modes_basis
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
+from gearstab.systems.matrices.file import OF_ROTATION
 from gearstab.systems.parts.terms import antisymmetric_terms, symmetric
 
 
@@ -75,6 +76,11 @@ def reduced(found: Model, modes: int) -> Model:
     if "terms" in found:
         ends = [{"left": term.left, "right": term.right} for term in small.terms]
         result["terms"] = [term | end for term, end in zip(found["terms"], ends, strict=True)]
+    if "rotation" in found:
+        turning = zip(found["rotation"], small.rotations, strict=True)
+        result["rotation"] = [
+            part | {name: getattr(own, name) for name in OF_ROTATION if name in part} for part, own in turning
+        ]
     pairs = zip(found["meshes"], small.meshes, strict=True)
     result["meshes"] = [entry | {"direction": mesh.direction} for entry, mesh in pairs]
     result["coordinates"] = [f"mode{k + 1}" for k in range(modes)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,11 @@ SINGLE = 1e-9
 
 
 def from_ross(
-    rotor: Any, meshes: Sequence[Mapping[str, Any]] | None = None, modes: int | None = None, speed: float = 0.0
+    rotor: Any,
+    meshes: Sequence[Mapping[str, Any]] | None = None,
+    modes: int | None = None,
+    speed: float = 0.0,
+    speed_ratio: Fraction | str | None = None,
 ) -> Model:
     """Turn a rotor, or geared rotors, of ROSS into the section ``system`` of a configuration.
 
@@ -34,6 +39,8 @@ def from_ross(
     modes: how many of the lowest modes to keep, default all; ``note`` of the result says what that neglects.
     speed: of the (driving) rotor, rad/s, at which bearings are taken and which gyroscopic effects go with. These, and
         what is antisymmetric in the bearings, become ``terms`` of the system.
+    speed_ratio: of the (driving) rotor to the first mesh, exact, ``"1/37"`` of a gear of 37 teeth: then gyroscopic
+        effects follow the mesh frequency, as ``rotation`` of the system; bearings stay those at ``speed``.
 
     Raises NotPossible where the meshes do not fit the rotor, or its coupling is no spring along one direction.
     """
@@ -48,12 +55,16 @@ def from_ross(
     for entry in entries:
         if entry.get("frequency_ratio", 1) is None:
             raise NotPossible(f"nothing says how fast mesh '{entry['name']}' turns", "give frequency_ratio, exact")
-    damping = dense(rotor.C(speed)) + speed * dense(rotor.G())
+    damping, gyroscopic = dense(rotor.C(speed)), dense(rotor.G())
     nodes = range(len(stiffness) // len(LETTERS))
-    more = {
+    more: dict[str, Any] = {
         "coordinates": [f"{letter}{node}" for node in nodes for letter in LETTERS],
         "coordinate_units": ["m", "m", "m", "rad", "rad", "rad"] * len(nodes),
     }
+    if speed_ratio is None:
+        damping = damping + speed * gyroscopic
+    else:
+        more["rotation"] = [{"speed_ratio": speed_ratio, "gyroscopic": gyroscopic}]
     return model(dense(rotor.M(speed)), stiffness, damping, entries, modes, **more)
 
 

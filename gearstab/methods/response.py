@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.model.fields import Choice, NonNegative, Quantity, Section, Whole
+from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
 from gearstab.results.variables import Variable, flagged
 from gearstab.results.variables.responses import BACKLASH_SPEED_RESPONSE, SPEED_RESPONSE
@@ -97,6 +98,12 @@ class SteadyStateAnalysis(Method):
         if not self.system.forced:
             remedy = "remove it, or give a load (a gearbox: torques of input or outputs), forces or transmission errors"
             raise OptionError((), "nothing drives the system", remedy)
+        from gearstab.response.linear.steady import check_held
+
+        try:
+            check_held(self.system)
+        except NotPossible as error:
+            raise OptionError((), error.message, error.remedy or "") from None
         self.check_backlash()
 
     def check_backlash(self) -> None:

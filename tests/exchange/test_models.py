@@ -14,6 +14,7 @@ from scipy.linalg import eigvals
 import gearstab as gs
 from gearstab.config import ConfigError
 from gearstab.errors import NotPossible, OutputError
+from gearstab.floquet import solve
 
 N = 8
 MASS = np.diag(np.arange(1.0, N + 1))
@@ -241,3 +242,15 @@ def test_mistakes(tmp_path: Path) -> None:
     ):
         with pytest.raises(NotPossible, match=message):
             gs.from_matrices(**({"mass": MASS, "stiffness": STIFFNESS, "meshes": [MESH]} | wrong))
+
+
+def test_rotations_go_with_the_modes_that_are_kept() -> None:
+    """All modes kept: the same exponents in other coordinates."""
+    mass, stiffness = np.diag([1.0, 2.0, 3.0]), np.diag([4.0, 5.0, 6.0])
+    mesh = {"direction": [1.0, 1.0, -1.0], "mean_stiffness": 2.0, "epsilon": 0.2, "contact_ratio": 1.6}
+    turning = {"speed_ratio": "1/3", "gyroscopic": [[0, 1.0, 0], [-1.0, 0, 0.5], [0, -0.5, 0]]}
+    whole, kept = (gs.from_matrices(mass, stiffness, meshes=[mesh], modes=n, rotation=[turning]) for n in (None, 3))
+    omega = np.array([1.0, 3.5])
+    found, expected = (solve(gs.build(model), omega, exponents=True).exponents for model in (kept, whole))
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert not np.allclose(kept["rotation"][0]["gyroscopic"], turning["gyroscopic"])

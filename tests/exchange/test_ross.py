@@ -13,6 +13,7 @@ from scenes import DOCS
 
 import gearstab as gs
 from gearstab.errors import NotPossible
+from gearstab.floquet.general.mean import mean_motions
 
 pytestmark = pytest.mark.slow
 MESH = {"epsilon": 0.2, "contact_ratio": 1.6}
@@ -47,6 +48,20 @@ def test_exponents_are_theirs(rotor: Any, speed: float) -> None:
     theirs = theirs[theirs > 1.0]
     for frequency in theirs:
         assert np.abs(mine - frequency).min() < 1e-6 * frequency
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("modes", [None, 40])
+def test_gyroscopic_effects_follow_the_mesh_frequency(rotor: Any, modes: int | None) -> None:
+    """Whirl frequencies at each speed are theirs; bearings there do not depend on it."""
+    teeth = 37
+    model = gs.from_ross(rotor, meshes=[MESH], modes=modes, speed_ratio=f"1/{teeth}")
+    for speed in (50.0, 400.0):
+        mine = mean_motions(gs.build(model), teeth * speed).frequency[0]
+        theirs = np.abs(rotor.run_modal(speed=speed, num_modes=24).wd)
+        for frequency in theirs[theirs > 1.0]:
+            # Modes that are left out change the lowest ones by their part of the compliance.
+            assert np.abs(mine - frequency).min() < (1e-6 if modes is None else 1e-3) * frequency
 
 
 @pytest.mark.filterwarnings("default")

@@ -19,6 +19,7 @@ from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PhaseEquation
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.response.linear.history import RESPONSE_FLAGS, separated
+from gearstab.response.linear.steady import check_held
 from gearstab.system import Array, GearSystem
 
 MOST_STEPS = 20_000_000
@@ -55,7 +56,8 @@ class RampResponse:
 
 
 def equation_of(system: GearSystem) -> PhaseEquation:
-    """Return the equation of a single driven system."""
+    """Return the equation of a single driven system. Raises NotPossible as :func:`.steady.check_held` does."""
+    check_held(system)
     return PhaseEquation(next(bases(system)), excitation(system))
 
 

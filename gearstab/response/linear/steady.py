@@ -22,7 +22,7 @@ from gearstab.floquet.kernel.c_kernel import chained
 from gearstab.propagation.bundles import Bundle, bundles
 from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import Excitation, excitation
-from gearstab.propagation.first_order import FirstOrder, bases
+from gearstab.propagation.first_order import FirstOrder, ModalMatrices, bases
 from gearstab.propagation.intervals import SteadyPoints
 from gearstab.response.measures.panels import fastest
 from gearstab.system import Array, GearSystem
@@ -66,8 +66,9 @@ def starts(
     samples: how many of a cycle of the first mesh are looked at, for the size of chunks.
     tolerance: of the monodromy matrix where functions vary smoothly, relative to its largest entry.
 
-    Raises NotPossible for systems without a common period.
+    Raises NotPossible for systems without a common period, or with a free rotation that a speed changes.
     """
+    check_held(system)
     whole = excitation(system)
     for basis in bases(system):
         drive = whole.subset(basis.rows)
@@ -84,6 +85,15 @@ def starts(
             part = slice(i, i + step)
             points = SteadyPoints.of(equation, row[part], frequency[part], steps)
             yield basis.rows[row[part]], column[part], start(points)
+
+
+def check_held(system: GearSystem) -> None:
+    """Raise NotPossible where vibration changes the speed of a free rotation, so that a load lets it run away."""
+    if any(np.any(term.matrix) for term in ModalMatrices.of(system).drift):
+        raise NotPossible(
+            "nothing holds the speed of a gear that turns freely, which its vibration changes where the carrier turns",
+            "hold the sun or the carrier: supports.sun_rotation or supports.carrier_rotation",
+        )
 
 
 def start(points: SteadyPoints) -> SteadyStart:

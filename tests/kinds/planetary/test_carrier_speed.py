@@ -16,8 +16,10 @@ from planetary_gears import parameters
 
 import gearstab as gs
 from gearstab.config import ConfigError, load
+from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.floquet.general.mean import mean_motions
+from gearstab.response import steady_state
 from gearstab.system import GearSystem
 from gearstab.systems import build
 
@@ -167,3 +169,22 @@ def test_from_a_file_to_a_map() -> None:
     speeds = [case["mesh_frequency_rad_s"], 2e4]
     tree = gs.sweep(gs.load({"system": own, "sweep": {"mesh_frequency": speeds}, "methods": {"floquet": {}}}))
     assert tree["floquet/growth_rate"].values[0] == pytest.approx(case["growth_rate"], rel=1e-9)
+
+
+def test_loads_on_a_gear_that_is_held_and_one_that_is_not() -> None:
+    """K + W^2 (K_c + preload) carries constant loads; without a support of carrier and sun nothing holds the speed."""
+    own = section(GEARS[0]["parameters"], "1/82", damping_ratio=0.02, load={"sun": 1000.0, "carrier": -1800.0})
+    with pytest.raises(NotPossible, match="nothing holds the speed of a gear that turns freely"):
+        steady_state(built(own), 8.2e4, 4)
+    with pytest.raises(ConfigError, match="nothing holds the speed of a gear that turns freely"):
+        gs.sweep(gs.load({"system": own, "sweep": {"mesh_frequency": [8e4, 9e4]}, "methods": {"response": {}}}))
+    held = built(own | {"supports": own["supports"] | {"carrier_rotation": 1e8}})
+    speed, bearing, mass = 1000.0, 1e8, 0.66
+    stiffness = held.mean_stiffness_matrix()
+    ways = [name.endswith(("_x", "_y", "_radial", "_tangential")) for name in held.coordinates]
+    stiffness = stiffness - speed**2 * np.diag(np.diag(held.mass) * ways)
+    carrier = held.coordinates.index("carrier_rotation")
+    stiffness[carrier, carrier] += 4 * speed**2 * mass * bearing / (bearing - speed**2 * mass)
+    found = steady_state(held, 82 * speed, 4).displacement
+    expected = np.linalg.solve(stiffness, held.load)
+    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-9 * np.abs(expected).max())
