@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gearstab.config.configuration import Config
 from gearstab.config.document.problems import ConfigError
-from gearstab.methods import POINTS, OptionError, chosen
+from gearstab.methods import METHODS, POINTS, OptionError, chosen
 from gearstab.system import GearSystem
 
 
@@ -14,7 +14,9 @@ def check(config: Config, base: GearSystem) -> None:
     for method in chosen(config.methods, base):
         try:
             method.check()
-            if method.frequency == POINTS and all(axis.mesh_frequency is None for axis in config.axes):
+            # Of others the section itself has been asked; this one needs a speed for this system only.
+            asked = METHODS[method.name].frequency == POINTS
+            if method.frequency == POINTS and not asked and all(a.mesh_frequency is None for a in config.axes):
                 message = "needs a mesh_frequency axis: speeds of rotation follow it"
                 raise OptionError((), message, "add mesh_frequency: {start: .., stop: .., num: ..} to sweep")
         except OptionError as error:
