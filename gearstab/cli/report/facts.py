@@ -19,6 +19,7 @@ from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.floquet.boundaries.damped.proof import MODULI
 from gearstab.floquet.boundaries.damped.search import COARSEST, PURSUIT
 from gearstab.floquet.boundaries.solve import BUDGET
+from gearstab.floquet.frequencies.choice import AFFORDABLE, common_period
 from gearstab.floquet.report import reduction
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
@@ -112,13 +113,14 @@ class State:
 def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Config) -> State:
     """Find out about a design, what is cheap first. Raises NotPossible for a system without a common period."""
     omega = np.concatenate([np.linspace(span.low, span.high, SPEEDS) for span in spans])
-    growth = float(np.nanmax(solve(system, omega).growth_rate))
+    growth = float(np.nanmax(_growth(config, system, omega)))
     found = [judged(config, system, span.low, span.high, HARMONICS) for span in spans]
     rows = {row["label"]: _reach(system, row, True) for one in found for row in one["open"]}
     closed = {row["label"]: _reach(system, row, False) for one in found for row in one["closest"]}
     reaching = sorted(({**closed, **rows}).values(), key=lambda item: item.lower)
     near = regions.reach(min(span.low for span in spans), max(span.high for span in spans))
-    uncovered, complete = None, search_work(system, *near) <= MOST_WORK
+    uncovered, period = None, common_period(system)
+    complete = period is not None and period.segments <= AFFORDABLE and search_work(system, *near) <= MOST_WORK
     if complete:
         own = boundaries(system, *near, regions.TOLERANCE, regions.FLOOR)
         uncovered = ". ".join(filter(None, (own.uncovered(), _certified(config, system, own))))
@@ -134,6 +136,17 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
         complete, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
         uncovered or "",
     )  # fmt: skip
+
+
+def _growth(config: Config, system: GearSystem, omega: Array) -> Array:
+    """Growth rates at mesh frequencies, with several of them by the strategy of the configuration."""
+    from gearstab.methods.floquet import Floquet, FloquetOptions
+
+    if len(set(system.frequency_ratios)) < 2:
+        return solve(system, omega).growth_rate
+    options = config.methods.floquet or FloquetOptions()
+    whole = options.model_copy(update={"modes": None, "block": None, "exponents": False})
+    return np.asarray(Floquet(whole, system).run(omega).values["growth_rate"])
 
 
 def search_work(system: GearSystem, low: float, high: float) -> float:
@@ -211,7 +224,7 @@ def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
         for lower, upper, _ in one:
             edges[place, :, k] = max(lower, speed[0]), min(upper, speed[-1])
             place += 1
-    rates = np.stack([solve(state.system, speed).growth_rate[0] for state in states], axis=1)
+    rates = np.stack([_growth(state.config, state.system, speed)[0] for state in states], axis=1)
     ends = np.stack([[[s.low, s.high] for s in state.spans] for state in states], axis=-1)
     data = xr.Dataset(
         {
