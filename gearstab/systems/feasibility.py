@@ -174,11 +174,11 @@ def check_symmetric(
         difference = asymmetry(values)
         if np.any(difference):
             good = False
-            i, j = np.unravel_index(np.argmax(difference), difference.shape)
-            path: Path = ("system", *where, int(i), int(j))
-            message = f"is not symmetric: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}"
+            i, j, entries = worst_entry(values, difference)
+            path: Path = ("system", *where, i, j)
             full = ".".join(where)
-            report_matrix(document, path, where[0], message, f"make {full}.{i}.{j} and {full}.{j}.{i} equal")
+            remedy = f"make {full}.{i}.{j} and {full}.{j}.{i} equal"
+            report_matrix(document, path, where[0], f"is not symmetric: {entries}", remedy)
     return good
 
 
@@ -187,6 +187,12 @@ def asymmetry(values: Array) -> Array:
     difference = np.abs(values - values.T)
     rounding = np.max(difference) <= SYMMETRY_TOLERANCE * np.max(np.abs(values))
     return np.zeros_like(difference) if rounding else difference
+
+
+def worst_entry(values: Array, difference: Array) -> tuple[int, int, str]:
+    """Return where a matrix ``(n, n)`` differs most from what it should be, and both entries of the place in words."""
+    i, j = (int(k) for k in np.unravel_index(np.argmax(difference), difference.shape))
+    return i, j, f"entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}"
 
 
 def report_matrix(document: Document, path: Path, name: str, message: str, hint: str) -> None:

@@ -203,9 +203,9 @@ class Matrices(System):
         for path in (("stiffness",), ("damping", "matrix")):
             rows = value_at(p, path)
             if isinstance(rows, list) and np.any(difference := feasibility.asymmetry(values := matrix(rows))):
-                i, j = (int(k) for k in np.unravel_index(np.argmax(difference), difference.shape))
-                message = f"is not symmetric: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}"
-                yield (*path, i, j), message, "make them equal unless bearings or rotation make them differ"
+                i, j, entries = feasibility.worst_entry(values, difference)
+                remedy = "make them equal unless bearings or rotation make them differ"
+                yield (*path, i, j), f"is not symmetric: {entries}", remedy
 
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:

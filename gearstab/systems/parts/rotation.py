@@ -15,6 +15,7 @@ from gearstab.config.model.arrays import matrix
 from gearstab.config.model.conflicts import Conflict, exactly_one, items
 from gearstab.config.model.fields import Quantity, Ratio, Section
 from gearstab.rotation import Rotation
+from gearstab.systems.feasibility import worst_entry
 from gearstab.systems.matrices.file import OF_ROTATION
 from gearstab.systems.parts.damping import not_square
 
@@ -81,16 +82,14 @@ def check_rotation(document: Document, parameters: dict[str, Any]) -> None:
         for name, sign, kind, minus in table:
             if part.get(name) is None:
                 continue
-            values = matrix(part[name]).reshape(-1, *np.shape(matrix(part[name]))[-2:])[0]
+            full = matrix(part[name])
+            values = full.reshape(-1, *full.shape[-2:])[0]
             wrong = np.abs(values + sign * values.T)
             if np.max(wrong) <= SKEW_TOLERANCE * np.max(np.abs(values)):
                 continue
-            i, j = (int(k) for k in np.unravel_index(np.argmax(wrong), wrong.shape))
+            i, j, entries = worst_entry(values, wrong)
             path: Path = ("system", "rotation", place, name, i, j)
-            message = (
-                f"must be {kind}: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}, so "
-                f"{wrong[i, j]:.3g} too much"
-            )
+            message = f"must be {kind}: {entries}, so {wrong[i, j]:.3g} too much"
             remedy = f"make one {minus}1 times the other; what is left belongs in damping, stiffness or circulatory"
             written = value_at(document.data, path) is not None
             document.report(path if written else ("system", "rotation"), "matrix", message, remedy)
