@@ -14,8 +14,8 @@ from systems import DAMPING, G2, MASS, SHAFT, WITH_TERMS, Smooth, friction, with
 
 from gearstab.cli import group
 from gearstab.floquet import STATUS_FLAGS, solve
+from gearstab.floquet.dispatch import reduction
 from gearstab.floquet.general import analyse
-from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected
 from gearstab.modal import modal_damping_matrix
 from gearstab.propagation.magnus import expm

@@ -16,6 +16,7 @@ from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.grouping import equal_rows
 from gearstab.modal import symmetric_eigen
 from gearstab.propagation.schedule import Functions, sources
+from gearstab.support import ONLY_MESHES, require
 from gearstab.system import Array, GearSystem, Mesh
 
 SHORTEST = 2e-15
@@ -167,8 +168,7 @@ def prepare(system: GearSystem) -> list[Pattern]:
 
 
 def _check(system: GearSystem) -> None:
-    if system.general:
-        raise ValueError("only the mesh stiffness may vary here, and damping must be symmetric")
+    require(system, ONLY_MESHES, "theory in modes")
     smooth = [mesh.name for mesh in system.meshes if not mesh.waveform.piecewise_constant]
     if smooth:
         names = ", ".join(f"'{name}'" for name in smooth)
