@@ -20,7 +20,7 @@ STEP = 1e-5  # of the fillet's parameter, for its curvature: 1e-9 relative
 
 
 def load_shares(pair: Pair, x: Array | float, model: StiffnessModel = PLAIN) -> tuple[Array, Array]:
-    """(s, share) of every pair of spur teeth at the phases x, ``(..., N)`` each; shares add up to 1, 0 out of contact."""
+    """(s, share) of every pair of spur teeth at the phases x, ``(..., N)`` each; shares add up to 1."""
     s, k = contact_stiffness(pair, x, model)
     return s, k / np.sum(k, axis=-1, keepdims=True)
 
