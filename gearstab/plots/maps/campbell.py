@@ -228,8 +228,8 @@ def draw_orders(ax: Axes, panel: Panel, unit: float) -> list[Line2D]:
             numbered.append(where)
             above = panel.parameter is not None and where[1] < 0.9
             ax.annotate(
-                f"{0.5 * half:g}$\\times${mesh}", tuple(end), (-2, 1 if above else -1), textcoords="offset points", ha="right",
-                va="bottom" if above else "top", fontsize=6.5, color=colour, path_effects=HALO, zorder=4,
+                f"{0.5 * half:g}$\\times${mesh}", tuple(end), (-2, 1 if above else -1), textcoords="offset points",
+                ha="right", va="bottom" if above else "top", fontsize=6.5, color=colour, path_effects=HALO, zorder=4,
             )  # fmt: skip
     return lines
 
