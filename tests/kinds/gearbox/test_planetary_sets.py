@@ -342,7 +342,7 @@ def whirl(system: Any, speed: float) -> tuple[np.ndarray, float]:
     return np.sort(values.imag[values.imag > 10.0]), float(values.real.max())
 
 
-SPINNING = json.loads((DATA / "carrier_speed.json").read_text())["cases"]
+SPINNING = json.loads((DATA / "rotation" / "planetary_carriers.json").read_text())["cases"]
 
 
 @pytest.mark.parametrize("case", SPINNING, ids=lambda case: case["name"])
