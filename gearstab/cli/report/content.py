@@ -336,28 +336,17 @@ def _modes(state: State) -> Iterator[Block]:
             "They are damped ones, of the whole mean system; types and damping ratios are those of the modes of its "
             "symmetric part that its motions resemble."
         )
-<<<<<<< HEAD
-    frequencies = mode_frequencies(state.system, modes)["natural_frequency"]
+    natural = frequencies["natural_frequency"]
     hertz = [] if "time" in state.system.dimensionless else ["Hz"]
     rows = [
         [str(k + 1), f"{w:.6g}", *(f"{w / (2 * pi):.5g}" for _ in hertz), kinds[k],
          "-" if ratios[k] != ratios[k] else f"{ratios[k]:.4g}"]
-        for k, w in enumerate(frequencies[:MOST_MODES])
+        for k, w in enumerate(natural[:MOST_MODES])
     ]  # fmt: skip
     unit = in_brackets(state.system, "rad/s")
     yield Table(["mode", f"natural frequency{unit}", *hertz, "type", "damping ratio"], rows)
-    if len(frequencies) > MOST_MODES:
-        yield Text(f"and {len(frequencies) - MOST_MODES} more, up to {frequencies[-1]:.6g}.")
-=======
-    natural = frequencies["natural_frequency"]
-    rows = [
-        [str(k + 1), f"{w:.6g}", kinds[k], "-" if ratios[k] != ratios[k] else f"{ratios[k]:.4g}"]
-        for k, w in enumerate(natural[:MOST_MODES])
-    ]
-    yield Table(["mode", f"natural frequency{in_brackets(state.system, 'rad/s')}", "type", "damping ratio"], rows)
     if len(natural) > MOST_MODES:
         yield Text(f"and {len(natural) - MOST_MODES} more, up to {natural[-1]:.6g}.")
->>>>>>> main
 
 
 MOST_MODES = 24
