@@ -39,7 +39,7 @@ def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
     train = train_of(config.parameters)
     if train is None:
         return None
-    from gearstab.systems.gearbox.build import torques
+    from gearstab.systems.gearbox.loads import torques
 
     loaded = system.load is not None
     forces = np.abs(static_mesh_force(system)) if loaded else np.full(len(system.meshes), np.nan)
@@ -137,7 +137,23 @@ def _mesh(train: Train, mesh: TrainMesh, force: float | None, speed: float | Non
         "contact_ratio": pair.contact_ratio,
         "force": force,
         "velocity": None if speed is None else rolling * float(speed),
+        "relief": _relief(mesh),
         "notices": [_notice(notice, parts) for notice in pair.notices],
+    }
+
+
+def _relief(mesh: TrainMesh) -> dict[str, float] | None:
+    """What the load makes of teeth with relief; None of others."""
+    if not mesh.teeth.relieved:
+        return None
+    (found, *_) = mesh.teeth.loaded
+    return {
+        "force": found.force,
+        "mean_transmission_error": found.mean_error,
+        "transmission_error_peak_to_peak": found.peak_to_peak,
+        "contact_ratio": found.contact_ratio,
+        "tangent_stiffness": found.mean,
+        "secant_stiffness": found.secant,
     }
 
 
@@ -257,9 +273,21 @@ def teeth(found: dict[str, Any]) -> str:
     lines = [table(header, rows)]
     for item in found["sets"]:
         lines.append(_told(item))
+    lines += [_loaded(m) for m in _different(found) if m["relief"] is not None]
     for m in _different(found):
         lines += [f"warning: mesh {m['name']}, {n['gear'] or 'both gears'}: {n['text']}" for n in m["notices"]]
     return "\n".join(lines)
+
+
+def _loaded(mesh: dict[str, Any]) -> str:
+    """The static transmission error and the stiffness of teeth with relief."""
+    r = mesh["relief"]
+    return (
+        f"relief of {mesh['name']} under {r['force']:.1f} N: static transmission error "
+        f"{1e6 * r['mean_transmission_error']:.4g} um in the mean, {1e6 * r['transmission_error_peak_to_peak']:.4g} um "
+        f"peak to peak, effective contact ratio {r['contact_ratio']:.4f}; stability and response have the tangent "
+        f"stiffness, {r['tangent_stiffness']:.4g} N/m in the mean, not the secant {r['secant_stiffness']:.4g} N/m"
+    )
 
 
 def _different(found: dict[str, Any]) -> list[dict[str, Any]]:

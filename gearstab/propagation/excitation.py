@@ -36,6 +36,7 @@ class Excitation:
     errors, slopes: ``(rows, meshes, L)``: e_i = errors z, de_i/dt = Omega slopes z.
     directions: ``(rows, meshes, n)``, g_i;  dampings: ``(rows, meshes)``, c_i.
     others: ``(rows, n, F)``, directions of the forces that are no Fourier series.
+    exerted: ``(meshes, F)``, 1 where the teeth of a mesh exert such a force, else 0.
     """
 
     cycles: float
@@ -49,6 +50,7 @@ class Excitation:
     directions: Array
     dampings: Array
     others: Array
+    exerted: Array
 
     def subset(self, index: Array) -> Excitation:
         """Some of the rows, by position."""
@@ -131,6 +133,7 @@ def excitation(system: GearSystem) -> Excitation:
         dampings=np.stack([system.flat(mesh.damping, 0) for mesh in system.meshes], axis=1),
         others=np.stack([system.flat(force.direction, 1) for force, _ in shaped], axis=-1)
         if shaped else np.zeros((rows, system.size, 0)),
+        exerted=np.array([[float(force.mesh == mesh.name) for force, _ in shaped] for mesh in system.meshes]),
     )  # fmt: skip
 
 

@@ -117,6 +117,17 @@ def root_stress(batch: Batch) -> Array:
     return worst
 
 
+def transmission_error(batch: Batch) -> Array:
+    """The sum of the peak-to-peak static transmission errors of all meshes with relief, m, one of each set's alike."""
+    from gearstab.systems import train_of
+
+    train = train_of(batch.p)
+    total = np.zeros(batch.system.batch)
+    for teeth in {id(mesh.teeth): mesh.teeth for mesh in train.meshes if mesh.teeth.relieved}.values() if train else ():
+        total = total + np.reshape([mesh.peak_to_peak for mesh in teeth.loaded], teeth.batch)
+    return np.ravel(total)
+
+
 def _largest(
     batch: Batch,
     regional_of: GearSystem,
@@ -168,7 +179,15 @@ def _within(system: GearSystem, span: Span) -> Array:
 
 EXACT: dict[str, Callable[[Batch], Array]] = {
     function.__name__: function
-    for function in (instability_width, growth_rate, required_damping, load_factor, tongue_distance, root_stress)
+    for function in (
+        instability_width,
+        growth_rate,
+        required_damping,
+        load_factor,
+        tongue_distance,
+        root_stress,
+        transmission_error,
+    )
 }
 """By name, the value of each row; NaN where there is none."""
 
@@ -178,6 +197,7 @@ SUPPORTS = dict.fromkeys(EXACT, REGIONS) | {
     "growth_rate": frozenset({Feature.PERIODIC_TERMS}),
     "load_factor": frozenset({Feature.PERIODIC_TERMS}),
     "root_stress": ANY_LINEAR,
+    "transmission_error": ANY_LINEAR,
 }
 """By name, the features of systems for which a quantity can be computed."""
 

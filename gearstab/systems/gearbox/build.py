@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.gears.relief import ReliefForce
 from gearstab.rotation import Rotation
 from gearstab.system import Array, GearSystem, PeriodicForce, PeriodicTerm
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
+from gearstab.systems.gearbox.loads import torques
 from gearstab.systems.gearbox.mesh import from_teeth
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet, TrainSetRows
 from gearstab.systems.gearbox.train import Train
@@ -39,7 +41,19 @@ def build(p: dict[str, Any]) -> GearSystem:
     assembly = Assembly(train.coordinates, elements, meshes)
     rotations = tuple(_turning(train, row) for row in rows if row.item.p.get("carrier_speed") is not None)
     system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries), rotations=rotations)
+    system = replace(system, forces=(*system.forces, *_reliefs(train, system)))
     return _rubbed(train, system, [rotors.number(item.p, "damping") for item in pairs])
+
+
+def _reliefs(train: Train, system: GearSystem) -> Iterator[PeriodicForce]:
+    """Yield what profile relief takes off the force of each mesh; its phase is that of the teeth."""
+    for mesh, item in zip(train.meshes, system.meshes, strict=True):
+        if not mesh.teeth.relieved:
+            continue
+        start = mesh.teeth.start
+        profile = ReliefForce(friction.level(item), start, mesh.teeth.error, mesh.teeth.force)
+        lag = np.asarray(item.lag) - start
+        yield PeriodicForce(f"relief of {item.name}", item.direction, profile, item.frequency_ratio, lag, item.name)
 
 
 def _rows(train: Train, item: TrainSet) -> TrainSetRows:
@@ -84,7 +98,7 @@ def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
         mobility = sum((r**2 / j for r, j in ends), np.zeros(()))
         for n, mesh in zip(rows.numbers, known[k * item.count :], strict=False):
             along = {key: flank * value for key, value in rows.deflection(name, n, flank * angle).items()}
-            lag = np.asarray(mesh.lag, dtype=float)
+            lag = np.asarray(mesh.lag, dtype=float) + teeth.start
             found = MeshElement(p | {"name": mesh.name}, along, train.frequency_ratio(mesh.motion), lag)
             yield _damped(train, found, 1 / mobility)
 
@@ -106,6 +120,8 @@ def _filled(train: Train, k: int) -> dict[str, Any]:
         return dict(p)
     try:
         return train.teeth_of(k).filled()
+    except TrainError:
+        raise
     except NotPossible as error:
         remedy = f"{error.remedy or 'change the teeth'}, or give the stiffness of the mesh"
         raise TrainError(("meshes", k), error.message, remedy) from None
@@ -121,7 +137,9 @@ def mesh_element(train: Train, k: int) -> MeshElement:
     r1, r2 = (rotors.base_radius(train.rotors[gear]) for gear in gears)
     turned: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2}
     row = total(turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])))
-    found = MeshElement(p, row, train.frequency_ratio(train.motions[k]), rotors.number(p, "lag"))
+    found = MeshElement(
+        p, row, train.frequency_ratio(train.motions[k]), rotors.number(p, "lag") + train.teeth_of(k).start
+    )
     j1, j2 = (train.inertias[gear] for gear in gears)
     return _damped(train, found, j1 * j2 / (r1**2 * j2 + r2**2 * j1))
 
@@ -192,24 +210,3 @@ def _supports(train: Train) -> Iterator[Element]:
         k = rotors.number(support, "torsional_stiffness")
         c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.inertias[rotor])
         yield Element(train.rotation(rotor), stiffness=k, damping=train.damping_factor * c)
-
-
-def torques(train: Train) -> dict[str, Array]:
-    """Torque on the input and the output rotors, N m, each positive in the sense in which its rotor turns.
-
-    The outputs take power: sum T_i |speed_i| = 0. Without a torque an output shares what the input brings equally; the
-    input torque follows from the outputs' where it is not given itself.
-    """
-    p = train.p
-    start, ends = p["input"]["rotor"], [item["rotor"] for item in p.get("outputs") or []]
-    speed = {end: float(abs(train.speeds[end])) for end in ends}
-    given = [item.get("torque") for item in p.get("outputs") or []]
-    if p["input"].get("torque") is None and all(value is None for value in given):
-        return {}
-    if all(value is not None for value in given):
-        taken = {end: np.asarray(value, dtype=float) for end, value in zip(ends, given, strict=True)}
-    else:
-        power = rotors.number(p["input"], "torque") / len(ends)
-        taken = {end: power / speed[end] for end in ends}
-    brought = sum((taken[end] * speed[end] for end in ends), np.zeros(()))
-    return {start: np.asarray(brought)} | {end: -taken[end] for end in ends}

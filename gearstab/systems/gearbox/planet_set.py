@@ -5,7 +5,7 @@ Its lateral coordinates turn with the carrier; rotations are those of the bodies
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -34,12 +34,16 @@ TYPES = ("rotational", "translational", "planet")
 
 @dataclass(frozen=True)
 class TrainSet:
-    """A set by its parameters p, with the rotors that are its gears, by member; where: its path below ``system``."""
+    """A set by its parameters p, with the rotors that are its gears, by member.
+
+    where: its path below ``system``. force: returns the force of a mesh of a set, N.
+    """
 
     p: dict[str, Any]
     rotors: Mapping[str, dict[str, Any]]
     material: dict[str, Any]
     where: Where
+    force: Callable[[TrainSet], Array]
 
     @property
     def name(self) -> str:
@@ -74,7 +78,7 @@ class TrainSet:
         planet = shared | {key: value for key, value in self.planets.items() if value is not None}
         gears = {"sun": sun, "planet": planet, "ring": self.rotors["ring"]}
         meshes = {name: (self.p.get("meshes") or {}).get(name) or {} for name in ("sun", "ring")}
-        return SetTeeth(gears, meshes, self.material, self.p.get("centre_distance"))
+        return SetTeeth(gears, meshes, self.material, self.p.get("centre_distance"), lambda: self.force(self))
 
     @contextmanager
     def told(self) -> Iterator[None]:

@@ -196,7 +196,7 @@ class Gearbox(System):
         yield from _names(raw)
         yield from set_conflicts(raw)
         yield from missing_of_teeth(raw, shared)
-        yield from _lubricated(raw)
+        yield from _loaded(raw)
         yield from _torques(raw)
 
 
@@ -229,25 +229,23 @@ def _names(raw: dict[str, Any]) -> Iterator[Conflict]:
             yield path, "not_applicable", f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
 
 
-def _lubricated(raw: dict[str, Any]) -> Iterator[Conflict]:
-    """The friction of lubricated teeth depends on speed and load."""
+def _loaded(raw: dict[str, Any]) -> Iterator[Conflict]:
+    """The friction of lubricated teeth depends on speed and load, relief on the load."""
     driving = raw.get("input") or {}
-    for i, mesh in items(raw.get("meshes")):
+    torques = [item.get("torque") for item in (driving, *(item for _, item in items(raw.get("outputs"))))]
+    unloaded = all(torque is None for torque in torques)
+    for place, mesh in Gearbox.mesh_places(raw):
         kind = (mesh.get("friction") or {}).get("kind")
-        if kind not in LUBRICATED:
-            continue
-        if driving.get("speed") is None:
+        if kind in LUBRICATED and driving.get("speed") is None:
             message = f"{kind} friction depends on the speed, which is missing"
-            yield ("meshes", i, "friction"), "needs_other", message, "add speed to input, or choose constant friction"
-        outputs = [item.get("torque") for _, item in items(raw.get("outputs"))]
-        if driving.get("torque") is None and all(torque is None for torque in outputs):
+            yield (*place, "friction"), "needs_other", message, "add speed to input, or choose constant friction"
+        if kind in LUBRICATED and unloaded:
             message = f"{kind} friction depends on the load, and there are no torques"
-            yield (
-                ("meshes", i, "friction"),
-                "needs_other",
-                message,
-                "add torques to input or outputs, or choose constant friction",
-            )
+            remedy = "add torques to input or outputs, or choose constant friction"
+            yield (*place, "friction"), "needs_other", message, remedy
+        if mesh.get("relief") is not None and unloaded:
+            message = "what relief does depends on the load, and there are no torques"
+            yield (*place, "relief"), "needs_other", message, "add a torque to input, and outputs, or remove relief"
 
 
 def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from gearstab.errors import NotPossible
 from gearstab.system import Array
 from gearstab.systems.assembly import Coordinates, Row
 from gearstab.systems.gearbox import rotors
+from gearstab.systems.gearbox.loads import pair_force, set_force
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undetermined, Where, alike, reactions, solve
@@ -60,7 +61,7 @@ class Train:
         found = []
         for k, p in enumerate(self.p.get("planetary_sets") or []):
             members = {member: self.rotors[self.place[p[member]]] for member in MEMBERS}
-            found.append(TrainSet(p, members, self.material, ("planetary_sets", k)))
+            found.append(TrainSet(p, members, self.material, ("planetary_sets", k), partial(set_force, self)))
         return found
 
     @cached_property
@@ -160,6 +161,11 @@ class Train:
         carried = reactions(self._bodies, self._relations, taken)
         return {self._relations[k].where: value for k, value in reversed(carried.items())}
 
+    @property
+    def determinate(self) -> bool:
+        """Whether torques alone give all forces: no relation follows from the others."""
+        return len(self._relations) == len(self._bodies)
+
     def power(self, item: TrainSet) -> tuple[int, bool, int]:
         """Return how a set turns and carries the load: sigma, whether the sun drives, and the sign of the sun's torque.
 
@@ -215,7 +221,8 @@ class Train:
         if pair not in self._teeth:
             driver, driven = self.pairs[pair]
             gears = self.rotors[driver], self.rotors[driven]
-            self._teeth[pair] = MeshTeeth(gears, self.p["meshes"][pair], self.material)
+            force = partial(pair_force, self, pair)
+            self._teeth[pair] = MeshTeeth(gears, self.p["meshes"][pair], self.material, force)
         return self._teeth[pair]
 
     @cached_property

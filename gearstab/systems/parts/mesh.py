@@ -140,6 +140,27 @@ class ToothMesh(Section):
         yield from within(raw, "transmission_error", TransmissionError.conflicts)
 
 
+class StiffnessOfTeeth(Section):
+    """What is measured of a stiffness that follows from the teeth, and how their pairs add up."""
+
+    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = Field(
+        default=None,
+        title="double contact factor",
+        description="Of teeth: stiffness of two pairs over the sum of theirs (1), as teeth on one body deflect each "
+        "other; 1 without.",
+    )
+    single_pair_stiffness: Stiffness | None = Field(
+        default=None,
+        title="measured stiffness of a pair",
+        description="Of teeth: in contact at the pitch point (N/m); of an internal gear, all along the path.",
+    )
+    variation: NonNegative | None = Field(
+        default=None,
+        title="measured variation",
+        description="Of teeth: (max k - min k)/mean k of the mesh stiffness (1).",
+    )
+
+
 def following_conflicts(raw: dict[str, Any], keys: Sequence[str], hint: str) -> Iterator[Conflict]:
     """Yield what contradicts a damping that follows the stiffness.
 

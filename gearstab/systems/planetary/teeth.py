@@ -6,6 +6,7 @@ distance and profile shifts, what is not given is chosen such that the meshes ha
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -31,13 +32,15 @@ class SetTeeth:
     """The teeth of one set.
 
     gears: parameters of ``sun``, ``planet`` and ``ring``; meshes: of both kinds of meshes, ``sun`` and ``ring``;
-    material: of all gears; centre_distance: m, None where it follows. Numbers may have a batch shape.
+    material: of all gears; centre_distance: m, None where it follows; force: returns that of a mesh, N, where it is
+    known. Numbers may have a batch shape.
     """
 
     gears: dict[str, dict[str, Any]]
     meshes: dict[str, dict[str, Any]]
     material: dict[str, Any]
     centre_distance: Any = None
+    force: Callable[[], Array] | None = None
 
     @cached_property
     def _cut(self) -> dict[tuple[str, str], Array]:
@@ -99,12 +102,14 @@ class SetTeeth:
 
     def _mesh(self, name: str, first: str, second: str) -> MeshTeeth:
         gears = self.cut[first], self.cut[second]
-        return MeshTeeth(gears, self.meshes[name] | {"centre_distance": self.centre}, self.material)
+        return MeshTeeth(gears, self.meshes[name] | {"centre_distance": self.centre}, self.material, self.force)
 
     def filled(self, name: str) -> dict[str, Any]:
         """Return the parameters of the ``sun`` or the ``ring`` meshes, with what the teeth give. Raises TrainError."""
         try:
             return {"sun": self.sun, "ring": self.ring}[name].filled()
+        except TrainError:
+            raise
         except NotPossible as error:
             remedy = f"{error.remedy or 'change the teeth'}, or mean_stiffness and epsilon"
             raise TrainError(("meshes", name), error.message, remedy) from None
