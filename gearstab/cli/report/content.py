@@ -83,17 +83,16 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     from gearstab.design.reasons.tongues import single
     from gearstab.methods.boundaries import BoundaryAnalysis
     from gearstab.support import unsupported
-    from gearstab.systems import build
 
     if solution is None:
-        system = build(config.parameters)
+        system = config.system.build()
         if refused := unsupported(system, BoundaryAnalysis.supports):
             raise NotPossible(f"a report {refused[0]}", refused[1])
         return [facts.state_of("given", system, _spans(config), config)]
     found = []
     for word, design in (("given", solution.problem.given[0]), ("proposed", solution.optimum)):
         system, spans, p = single(solution.problem, design)
-        found.append(facts.state_of(word, system, spans, replace(config, parameters=p)))
+        found.append(facts.state_of(word, system, spans, replace(config, system=p)))
     return found
 
 
