@@ -25,8 +25,7 @@ from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.plots import draw
 from gearstab.results import open_result
-from gearstab.systems import build
-from gearstab.systems import section
+from gearstab.systems import build, section
 
 RANGE = (4.8, 6.0)
 FLOOR = 1e-6 * RANGE[1]
