@@ -48,6 +48,8 @@ class Following:
         return slope(mesh_frequency), second
 
 
+CHANGING = 2e5
+"""Multiplications in the time that a segment takes whose generator has to be made anew at every point."""
 TINY = 1e-30
 """Imaginary step of a derivative, which is exact."""
 SMALL = 1e-5
@@ -98,6 +100,11 @@ class Chain:
     def size(self) -> int:
         """m."""
         return int(self.values.shape[-1])
+
+    @property
+    def overhead(self) -> float:
+        """Work that each evaluation takes per segment besides that for which generators are known, in products."""
+        return 0.0 if self.following is None else CHANGING / self.size**3
 
     def period(self, cycle: Array) -> Array:
         """T at 1/Omega = ``cycle``."""

@@ -163,7 +163,7 @@ class Cover:
         """Record evaluations at points ``(P,)`` of so many products a segment each."""
         count = np.bincount(row, minlength=len(self.work))
         self.evaluations += count
-        self.work += products * len(self.chain.states) * count
+        self.work += (products + self.chain.overhead) * len(self.chain.states) * count
 
     def prove(self, row: Array, x: Array) -> None:
         """Sample points and try a proof at each."""
@@ -296,7 +296,9 @@ def cover(chain: Chain, first: Array, last: Array, tolerance: float, floor: floa
     usual = damping_ratio(chain) if chain.lightest is None else np.median(chain.lightest, axis=1)
     count = (last - first) / (FIRST * np.maximum(usual, LIGHTEST))
     sound = chain.sound & (chain.rates > 0).all(axis=1) & (chain.frequencies > 0).all(axis=1)
-    found.provable = sound & (count <= MOST) & (count * PROOF * len(chain.states) < HOPELESS * budget)
+    found.provable = (
+        sound & (count <= MOST) & (count * (PROOF + chain.overhead) * len(chain.states) < HOPELESS * budget)
+    )
     count = np.ceil(np.where(found.provable, np.maximum(count, FEWEST), FEWEST)).astype(int)
     row = np.repeat(np.arange(len(count)), count)
     found.prove(row, np.concatenate([np.linspace(a, b, c) for a, b, c in zip(first, last, count, strict=True)]))

@@ -148,12 +148,13 @@ class ScanPlan:
         """What the budget allows for."""
         chain, opened = scan.cover.chain, scan.opened
         left = np.bincount(opened.row, opened.width, minlength=len(first))
-        each = MODULI * len(chain.states)
+        more = chain.overhead * len(chain.states)
+        each = MODULI * len(chain.states) + more
         most = float(np.clip(products / each, COARSEST, FINEST))
         step = STEP * damping_ratio(chain)
         counted = left <= most * step
         meetings = np.maximum(collisions(chain, first, last), COARSEST / RASTER)
-        work = meetings * (EVALUATIONS * each + SPECTRA * (2 * len(chain.states) + SPECTRUM))
+        work = meetings * (EVALUATIONS * each + SPECTRA * (2 * (len(chain.states) + more) + SPECTRUM))
         pursued = ~counted & (meetings <= MEETINGS) & (work <= PURSUIT * products)
         equal = np.maximum(left, np.finfo(float).tiny) / np.clip(products / (each + SPECTRUM), COARSEST, EQUAL)
         step = np.where(counted, np.maximum(step, np.finfo(float).tiny), equal)
