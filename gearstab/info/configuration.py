@@ -95,7 +95,7 @@ def _mesh(system: GearSystem, i: int, orders: float | None) -> dict[str, Any]:
         "name": mesh.name,
         "frequency_ratio": str(mesh.frequency_ratio),
         "order": None if orders is None else orders * float(mesh.frequency_ratio),
-        "waveform": next((name for name, kind in WAVEFORMS.items() if type(mesh.waveform) is kind), None),
+        "waveform": next((name for name, kind in reversed(WAVEFORMS.items()) if isinstance(mesh.waveform, kind)), None),
         "mean_stiffness": float(mesh.mean_stiffness),
         "epsilon": float(mesh.epsilon),
         "contact_ratio": None if contact_ratio is None else float(contact_ratio),
@@ -149,7 +149,7 @@ def _reductions(system: GearSystem) -> dict[str, Any]:
     """How exact Floquet analysis takes the system apart."""
     from dataclasses import asdict
 
-    from gearstab.floquet.report import reduction
+    from gearstab.floquet.dispatch import reduction
     from gearstab.floquet.segments.reduction import reduce
 
     found = reduction(system)
