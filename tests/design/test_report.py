@@ -188,7 +188,7 @@ def test_regions_of_first_order_in_which_nothing_grows_are_not_called_open(drive
     verdicts = [row[6] for row in table.rows]
     assert {"open", "no growth found"} <= set(verdicts)
     config = load(CONFIGS / "drivetrains/nrel_5mw.yaml")
-    system = build(config.parameters)
+    system = config.system.build()
     for row, verdict in zip(table.rows, verdicts, strict=True):
         if verdict != "open":
             continue
