@@ -18,11 +18,10 @@ def check(config: Config) -> None:
     from gearstab.design.searching.search import combinations
     from gearstab.support import unsupported
     from gearstab.system import Feature
-    from gearstab.systems import build, train_of
 
     if config.design is None:
         return
-    system, train = build(config.parameters), train_of(config.parameters)
+    system, train = config.system.build(), config.system.train()
     relieved = train is not None and any(mesh.teeth.relieved for mesh in train.meshes)
     asked: list[tuple[tuple[str, ...], str]] = []
     asked += [(("design", "minimise"), name) for weights in config.design.objectives for name in weights]

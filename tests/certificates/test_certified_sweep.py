@@ -97,7 +97,7 @@ def test_a_map_hatches_what_has_certificates(stored: Path) -> None:
 
 def test_a_report_says_how_much_has_certificates(stored: Path) -> None:
     config = load(stored.with_name("case.yaml"))
-    system = build(config.parameters)
+    system = build(config.system)
     spans = (Span(2.3, 2.5, 1.0, 1.0),)
     state = state_of("present", system, spans, config, curve_speeds(spans))
     assert "of the mesh frequencies have certificates" in state.uncovered

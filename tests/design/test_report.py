@@ -107,7 +107,7 @@ def test_the_picture_names_its_axis(tmp_path: Path) -> None:
 def test_too_much_work_is_not_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not the time that a machine takes decides, but the meetings of multipliers: that of fewer speeds is less work."""
     config = load(written(tmp_path, TRAIN + SWEEP))
-    system = build(config.parameters)
+    system = build(config.system)
     assert facts.search_work(system, 4.0, 7.0) == pytest.approx(2 * facts.search_work(system, 4.0, 112 / 22), rel=1e-9)
     monkeypatch.setattr(facts, "MOST_WORK", facts.search_work(system, 3.0, 7.0))
     monkeypatch.setattr(facts.regions, "reach", lambda low, high: (low, high))
@@ -188,7 +188,7 @@ def test_regions_of_first_order_in_which_nothing_grows_are_not_called_open(drive
     verdicts = [row[6] for row in table.rows]
     assert {"open", "no growth found"} <= set(verdicts)
     config = load(CONFIGS / "drivetrains/nrel_5mw.yaml")
-    system = build(config.parameters)
+    system = config.system.build()
     for row, verdict in zip(table.rows, verdicts, strict=True):
         if verdict != "open":
             continue

@@ -90,10 +90,9 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     from gearstab.design.reasons.tongues import single
     from gearstab.methods.boundaries import BoundaryAnalysis
     from gearstab.support import unsupported
-    from gearstab.systems import build
 
     if solution is None:
-        system = build(config.parameters)
+        system = config.system.build()
         if refused := unsupported(system, BoundaryAnalysis.supports):
             raise NotPossible(f"a report {refused[0]}", refused[1])
         spans = _spans(config)
@@ -102,7 +101,7 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     found = {word: single(solution.problem, design) for word, design in designs.items()}
     speeds = facts.curve_speeds([span for _, spans, _ in found.values() for span in spans])
     return [
-        facts.state_of(word, system, spans, replace(config, parameters=p), speeds)
+        facts.state_of(word, system, spans, replace(config, system=p), speeds)
         for word, (system, spans, p) in found.items()
     ]
 

@@ -99,9 +99,8 @@ def root_stress(batch: Batch) -> Array:
     """The largest stress at the root of any tooth under the static mesh forces, Pa; needs the teeth of a gearbox."""
     from gearstab.gears.stress import mesh_root_stress
     from gearstab.response.linear.equilibrium import static_mesh_force
-    from gearstab.systems import train_of
 
-    train, rows = train_of(batch.p), batch.system.rows
+    train, rows = batch.p.train(), batch.system.rows
     if train is None:
         return np.full(rows, np.nan)
     phase = np.linspace(0.0, 1.0, 65)
@@ -119,11 +118,9 @@ def root_stress(batch: Batch) -> Array:
 
 def transmission_error(batch: Batch) -> Array:
     """The sum of the peak-to-peak static transmission errors of all meshes with relief, m, one of each set's alike."""
-    from gearstab.systems import train_of
-
-    train = train_of(batch.p)
-    total = np.zeros(batch.system.batch)
-    for teeth in {id(mesh.teeth): mesh.teeth for mesh in train.meshes if mesh.teeth.relieved}.values() if train else ():
+    train, total = batch.p.train(), np.zeros(batch.system.batch)
+    meshes = [] if train is None else [mesh.teeth for mesh in train.meshes if mesh.teeth.relieved]
+    for teeth in {id(own): own for own in meshes}.values():
         total = total + np.reshape([mesh.peak_to_peak for mesh in teeth.loaded], teeth.batch)
     return np.ravel(total)
 

@@ -12,7 +12,6 @@ from scipy.optimize import minimize_scalar
 from test_planetary_sets import TWO
 
 from gearstab.config import ConfigError
-from gearstab.config.model.axes import parameters_at
 from gearstab.design import check
 from gearstab.design.problem import DesignProblem
 from gearstab.design.solution import solved
@@ -50,7 +49,7 @@ def text(wave: str = "tooth", relief: str = TIP) -> str:
 
 
 def scene(tmp_path: Path, wave: str = "tooth", relief: str = TIP) -> tuple[Train, GearSystem]:
-    p = read(tmp_path, text(wave, relief)).parameters
+    p = read(tmp_path, text(wave, relief)).system
     return Train(p), build(p)
 
 
@@ -72,7 +71,7 @@ def test_turned_slowly_the_teeth_follow_the_static_transmission_error(tmp_path: 
     w = 7000 rad/s of stiff shafts, and for what kinks of the error excite, which much damping keeps small.
     """
     stiff = text(wave).replace("2.0e4, damping_ratio: 0.05", "2.0e6, damping_ratio: 0.7")
-    p = read(tmp_path, stiff.replace("4.0e4, damping_ratio: 0.05", "4.0e6, damping_ratio: 0.7")).parameters
+    p = read(tmp_path, stiff.replace("4.0e4, damping_ratio: 0.05", "4.0e6, damping_ratio: 0.7")).system
     train, system = Train(p), build(p)
     loaded = train.meshes[0].teeth.loaded[0]
     omega = 30.0
@@ -129,13 +128,13 @@ methods: {floquet: {}}
     config = read(tmp_path, text() + axes)
     names = [axis.name for axis in config.axes]
     indices = {names[1]: np.array([[0], [1]]), names[2]: np.array([[0, 1]])}
-    system = build(parameters_at(config, indices))
+    system = build(config.at(indices))
     assert system.meshes[0].mean_stiffness.shape == (2, 2)
     x = np.linspace(0.0, 1.0, 57)[:, None, None]
     mesh = system.meshes[0]
     for i in range(2):
         for j in range(2):
-            one = build(parameters_at(config, {names[1]: np.array(i), names[2]: np.array(j)})).meshes[0]
+            one = build(config.at({names[1]: np.array(i), names[2]: np.array(j)})).meshes[0]
             for name in ("mean_stiffness", "epsilon"):
                 assert getattr(mesh, name)[i, j] == pytest.approx(float(getattr(one, name)), rel=1e-13)
             np.testing.assert_allclose(
@@ -179,7 +178,7 @@ def test_a_design_without_relief_has_no_such_error(tmp_path: Path) -> None:
 def test_planets_share_the_torque_of_their_set(tmp_path: Path) -> None:
     changed = TWO.replace("meshes: {sun: {}", "meshes: {sun: {relief: {tip: {amount: 8 um, length: 1 mm}}}", 1)
     assert changed != TWO
-    p = read(tmp_path, changed).parameters
+    p = read(tmp_path, changed).system
     train, system = Train(p), build(p)
     static = static_mesh_force(system)
     for mesh, force in zip(train.meshes, static, strict=True):
