@@ -229,7 +229,7 @@ def _branch(
 def _through(mesh: dict[str, Any]) -> str:
     numbers = [f"{mesh['teeth'][0]}/{mesh['teeth'][1]}"]
     numbers += [] if mesh["force"] is None else [f"{mesh['force']:.1f} N"]
-    numbers += [] if mesh["velocity"] is None else [f"{mesh['velocity']:.3g} m/s", f"{mesh['frequency']:.5g} Hz"]
+    numbers += [] if mesh["velocity"] is None else [f"{mesh['velocity']:.3g} m/s", _frequency(mesh["frequency"])]
     return f"mesh {mesh['name']}, {', '.join(numbers)}"
 
 
@@ -238,8 +238,12 @@ def _around(item: dict[str, Any], mesh: dict[str, Any], speed: float | None) -> 
     z = item["teeth"]
     numbers = [f"{z['sun']}/{z['planet']}/{z['ring']}, {item['planets']} planets"]
     numbers.append(f"planets {_speed(item['planet_speed_ratio'], speed)}")
-    numbers.append(f"{mesh['order']} cycles a turn of the input" if speed is None else f"{mesh['frequency']:.5g} Hz")
+    numbers.append(f"{mesh['order']} cycles a turn of the input" if speed is None else _frequency(mesh["frequency"]))
     return f"set {item['name']}, {', '.join(numbers)}"
+
+
+def _frequency(hertz: float) -> str:
+    return f"{hertz:.5g} Hz ({60 * hertz:.5g} rpm)"
 
 
 def _speed(ratio: str, speed: float | None) -> str:

@@ -23,6 +23,7 @@ from gearstab.floquet.frequencies.choice import Strategy
 from gearstab.floquet.frequencies.period import AFFORDABLE, common_period
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
+from gearstab.info.tables import label_text
 from gearstab.methods.floquet import Floquet
 from gearstab.modal import modal_damping_ratios
 from gearstab.perturbation import Tongue
@@ -266,7 +267,8 @@ def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
         },
         {
             "speed": ("speed", speed / shown.scale, {"units": shown.unit or "1", "long_name": shown.name}),
-            "state": [state.word for state in states], "label": ("tongue", [t.split(" & ")[0] for t in labels] or [""]),
+            "state": [state.word for state in states],
+            "label": ("tongue", [label_text(t.split(" & ")[0]) for t in labels] or [""]),
         },
     )  # fmt: skip
     return xr.DataTree.from_dict({"design": data})

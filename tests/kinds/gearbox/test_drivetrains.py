@@ -16,6 +16,7 @@ from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.info import train as info_train
 from gearstab.info.configuration import describe
+from gearstab.info.tables import label_text, meshes_text
 from gearstab.modal import mean_modes
 from gearstab.systems import build
 from gearstab.systems.gearbox.train import Train
@@ -59,7 +60,7 @@ def test_info_shows_the_train_with_speeds_torques_and_mesh_frequencies(tmp_path:
     lines = info_train.drawing(found).splitlines()
     assert lines[0] == "motor: 3000 rpm, 0.05 kg m^2, drives with 12 N m"
     # Relative to the carrier, at 833.33 rpm, 30 teeth of the sun turn at 2166.67 rpm; planets turn at -1875 rpm.
-    assert "set first, 30/24/78, 4 planets, planets -1875 rpm, 1083.3 Hz" in "\n".join(lines)
+    assert "set first, 30/24/78, 4 planets, planets -1875 rpm, 1083.3 Hz (65000 rpm)" in "\n".join(lines)
     assert sum("held" in line for line in lines) == 2
     first = found["sets"][0]
     assert first["torques"] == pytest.approx({"sun": 12.0, "ring": 12.0 * 2.6, "carrier": -12.0 * 3.6})
@@ -67,6 +68,13 @@ def test_info_shows_the_train_with_speeds_torques_and_mesh_frequencies(tmp_path:
     assert mesh["first.sun.2"]["lag"] == "1/2"
     assert (mesh["first.sun.2"]["order"], mesh["first.sun.2"]["relative_to"]) == ("65/3", "carrier")
     assert (mesh["second.sun.1"]["frequency_ratio"], mesh["pair"]["relative_to"]) == ("5/18", None)
+
+
+def test_meshes_of_sets_are_said_in_short() -> None:
+    both = [f"one.{kind}.{n}" for kind in ("sun", "ring") for n in (1, 2)]
+    assert meshes_text([*both, "pair", "two.ring.1", "two.ring.2"]) == "one, pair, two.ring"
+    assert label_text(f"2w7/5 ({'+'.join(both)}) & (w1+w2)/3") == "2w7/5 (one) & (w1+w2)/3"
+    assert label_text("2w3 (first+second)") == "2w3 (first+second)"
 
 
 def test_a_short_name_means_the_meshes_of_sets_and_pairs(tmp_path: Path) -> None:

@@ -14,6 +14,8 @@ from ruamel.yaml import YAML
 from scenes import DATA, problems, read
 
 from gearstab.floquet import solve
+from gearstab.info import periods
+from gearstab.info import train as info_train
 from gearstab.modal import mean_modes
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.rotation import factors
@@ -87,6 +89,34 @@ def test_speeds_frequencies_and_lags_are_those_of_the_reference(tmp_path: Path, 
                 assert float(ring.lag) % 1 == pytest.approx(float(Fraction(mesh["gamma_rn_lag"][n - 1])), abs=1e-12)
     cycles = Fraction(train["meshes"][0]["mesh_frequency_per_input_speed"])
     assert found.cycles == cycles
+
+
+@pytest.mark.parametrize("train", TRAINS, ids=lambda train: train["name"])
+def test_info_tells_ratios_lags_and_the_common_period_of_the_reference(tmp_path: Path, train: dict[str, Any]) -> None:
+    """As ``info --json`` writes it: fractions as text."""
+    sweep = {"mesh_frequency": [100.0, 200.0]}
+    config = read(tmp_path, as_text(configured(train, "pitch_point"), sweep=sweep, methods={"perturbation": {}}))
+    system = build(config.system)
+    found = {"train": info_train.facts(config, system), "common_period": periods.common_period(system)}
+    found = json.loads(json.dumps(found))
+    rotors = {rotor["name"]: rotor["speed_ratio"] for rotor in found["train"]["rotors"]}
+    rotors |= {f"{item['name']} planet": item["planet_speed_ratio"] for item in found["train"]["sets"]}
+    assert rotors == train["speeds_over_input"]
+    meshes = {mesh["name"]: mesh for mesh in found["train"]["meshes"]}
+    period = found["common_period"]
+    assert period["in_periods_of_omega"] == float(train["common_period_in_cycles_of_first_mesh"])
+    counts = train["cycles_of_each_mesh_in_common_period"]
+    for stage, mesh, ratio, cycles in zip(
+        train["stages"], train["meshes"], train["frequency_ratios_to_first"], counts, strict=True
+    ):
+        names = [stage["name"]]
+        if stage["kind"] == "planetary":
+            names = [f"{stage['name']}.sun.{n + 1}" for n in range(len(mesh["gamma_sn_lag"]))]
+            assert [meshes[name]["lag"] for name in names] == mesh["gamma_sn_lag"]
+        for name in names:
+            assert meshes[name]["order"] == mesh["mesh_frequency_per_input_speed"]
+            assert meshes[name]["frequency_ratio"] == ratio
+            assert period["mesh_cycles"][name] == int(cycles)
 
 
 BODIES = ("sun", "ring", "carrier")
