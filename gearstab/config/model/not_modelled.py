@@ -12,8 +12,9 @@ HELICAL = (
 )
 BEVEL = ("bevel, hypoid and worm gears are not modelled: axes are parallel", "take kind: matrices")
 MODIFIED = (
-    "modifications of the flanks are not modelled yet: they are involutes",
-    "give the stiffness that they leave as waveform: {kind: sampled, ..}",
+    "profile relief is that of a mesh of kind: gearbox; other modifications of the flanks are not modelled",
+    "give the mesh relief: {tip: {amount: 20 um, length: 2 mm}}, or the stiffness that they leave as waveform: "
+    "{kind: sampled, ..}",
 )
 NOT_MODELLED = {
     **dict.fromkeys(("helix_angle", "helix", "hand", "overlap_ratio"), HELICAL),

@@ -125,6 +125,8 @@ class TrainSet:
                 message = f"the teeth of planet {n} do not fit: angles are multiples of 360 deg/(z_s + z_r)"
                 near = 360 / (sun + ring) * float(np.ravel(np.rint(steps))[0])
                 remedy = f'give "{near:.7g} deg" from the first one, or write angles: {ASSEMBLE}'
+                if np.any(np.abs(self.angles) > tau):
+                    remedy = f'plain numbers are radians: write "{float(np.ravel(angle)[0]):.6g} deg"'
                 raise TrainError((*self.where, "planets", "angles"), message, remedy)
             found.append(np.rint(steps) / (sun + ring) if steps.ndim else Fraction(round(float(steps)), sun + ring))
         return found

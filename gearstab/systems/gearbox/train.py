@@ -235,7 +235,7 @@ class Train:
         try:
             angle = teeth.each(lambda pair: pair.pressure_angle)
         except NotPossible as error:
-            raise TrainError(("meshes", pair), error.message, "change the teeth") from None
+            raise TrainError(("meshes", pair), error.message, error.remedy or "change the teeth") from None
         position = rotors.number(self.p["meshes"][pair], "position")
         return line_of_action(position, angle, self.sense(pair), self.internal(pair))
 
