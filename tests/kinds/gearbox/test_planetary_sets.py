@@ -19,7 +19,7 @@ from gearstab.info import train as info_train
 from gearstab.modal import mean_modes
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.rotation import factors
-from gearstab.symmetry import natural_modes, type_names
+from gearstab.symmetry import natural_modes, phase_step, type_names
 from gearstab.systems import build
 from gearstab.systems.gearbox.train import Train
 
@@ -235,6 +235,27 @@ system:
 """
 
 
+SET = """\
+system:
+  kind: gearbox
+  gears: {module: 2 mm, pressure_angle: 20 deg, face_width: 20 mm}
+  rotors:
+    - {name: sun, teeth: 21}
+    - {name: ring, teeth: 81, internal: true}
+    - {name: carrier, inertia: 0.02}
+    - {name: wheel, teeth: 40}
+    - {name: pinion, teeth: 20}
+  planetary_sets:
+    - {name: one, sun: sun, ring: ring, carrier: carrier, held: ring, planets: {count: 3, teeth: 30},
+       meshes: {sun: {}, ring: {single_pair_stiffness: 3.0e8}}}
+  input: {rotor: carrier}
+  shafts:
+    - {name: joint, between: [sun, wheel], stiffness: 1.0e5}
+    - {name: other, between: [carrier, pinion], stiffness: 1.0e5}
+"""
+PAIR_BESIDE = "  meshes: [{name: pair, gears: [wheel, pinion]}]\n"
+
+
 def test_the_load_goes_through_all_meshes_by_virtual_work(tmp_path: Path) -> None:
     system = build(read(tmp_path, TWO).system)
     force = dict(zip((mesh.name for mesh in system.meshes), static_mesh_force(system), strict=True))
@@ -305,6 +326,13 @@ def test_a_mistake_in_a_set_is_one_line(tmp_path: Path, old: str, new: str, path
     assert len(found) == 1, found
     assert found[0].path.startswith(f"system.{path}")
     assert words in found[0].message or words in found[0].hint
+
+
+def test_the_sun_of_a_set_is_no_remedy_for_the_other_meshes_of_a_train(tmp_path: Path) -> None:
+    """A pair beside one set in phase: its waves have no lags that follow from the sun's teeth."""
+    beside = SET.replace("    - {name: other, between: [carrier, pinion], stiffness: 1.0e5}\n", PAIR_BESIDE)
+    alone, pair = (phase_step(build(read(tmp_path, text).system)) for text in (SET, beside))
+    assert (alone, pair) == (0, None)
 
 
 def test_a_supported_member_is_in_one_frame(tmp_path: Path) -> None:
