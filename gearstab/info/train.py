@@ -292,9 +292,9 @@ def modes(facts: dict[str, Any]) -> str:
     header += [f"energy {name}" for name in names]
     rows = []
     for mode, share in zip(facts["modes"], facts["train"]["energy_share"], strict=True):
-        damping, frequency = mode["damping_ratio"], mode["natural_frequency"]
+        ratio, frequency = mode["damping_ratio"], mode["natural_frequency"]
         row = [str(mode["mode"]), f"{frequency:.6g}", *([f"{frequency * hertz:.5g}"] if hertz else []), mode["type"]]
-        row.append("-" if damping is None else f"{damping:.4g}" if not isinstance(damping, str) else damping)
+        row.append("-" if ratio is None else f"{ratio:.4g}" if not isinstance(ratio, str) else ratio)
         shares = [*(mode["mesh_energy_share"][name] for name in names), share["shafts"], share["supports"]]
         rows.append(row + ["-" if part is None else f"{100 * part:.1f} %" for part in shares])
     return table([*header, "shafts", "supports"], rows)
