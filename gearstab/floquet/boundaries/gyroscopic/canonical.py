@@ -4,6 +4,9 @@ With u in the modes of the mean system, u'' + g u' + K(t) u = 0 has the momentum
 (w^(1/2) u, w^(-1/2) p) it is canonical, dz/dt = A z with J A symmetric, if and only if g is skew and K(t) symmetric,
 whatever the speeds are; J then does not depend on them. The monodromy matrix is symplectic, P^T J P = J.
 
+A rigid-body motion q = v b that is free at every speed enters by its velocity r' only, and its momentum v.(M q' + W G q)
+is conserved; the other multipliers are those of the system in which it is zero, with the same canonical coordinates.
+
 Source: Yakubovich & Starzhinskii 1975, ch. III; with p as in the Legendre transform of a gyroscopic Lagrangian.
 """
 
@@ -13,14 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.kernel.chain import TINY, Following
-from gearstab.propagation.magnus import expm
+from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel.damped import Generators
 from gearstab.system import Array
 
 SYMMETRIC = 1e-11
 """Part of the largest entry by which J A may depart from symmetry: rounding in the modes of the mean system."""
-ENTRIES_AT_ONCE = 2**19
-"""Entries of the generators of the points that are treated together: 8 MB."""
+STEP = 1e-5
+"""Relative step of the derivative, which is right to about its square."""
 
 
 @dataclass(frozen=True)
@@ -28,65 +31,58 @@ class CanonicalPeriods:
     """Common periods of r rows in S segments, with canonical monodromy matrices at any mesh frequency.
 
     cycles: N; the common period is N 2 pi/Omega. fractions ``(r, S)``, states ``(S,)``: how long which state lasts.
-    following: the generators of the states.
+    generator: of x = (w u, u', ..), ``(r, D, m, m)``. elastic: n, the number of coordinates u.
     """
 
     cycles: float
     fractions: Array
     states: Array
-    following: Following
+    generator: Generators
+    elastic: int
 
-    @property
-    def size(self) -> int:
-        """2n."""
-        return self.following.form.size
-
-    @property
-    def rate(self) -> Array:
-        """``(r,)``, the unit of 1/time."""
-        return self.following.form.rate
-
-    def hamiltonian(self, row: Array, mesh_frequency: Array) -> Array:
-        """``(P,)``: whether J A is symmetric in all states at points."""
-        n = self.size // 2
-        if self.size % 2 or self.following.form.elastic != n:
-            return np.zeros(len(row), dtype=bool)
-        matrix = self.following.matrices(row, mesh_frequency)
-        turn, back = self._turns(matrix)
-        matrix = turn[:, None] @ matrix @ back[:, None]
+    def hamiltonian(self, omega: Array) -> Array:
+        """``(r,)``: whether J A is symmetric in all states at mesh frequencies ``(r, P)``."""
+        n, matrix = self.elastic, self.generator.at(omega)
+        shape = matrix.shape
+        matrix = matrix.reshape(-1, *shape[2:])
+        turn, back = self._turns(matrix[:, 0])
+        whole = matrix @ back[:, None]
+        # What is left out has to stay what the rest makes it.
+        size = np.abs(matrix).max(axis=(1, 2, 3))
+        left = np.abs(whole - back[:, None] @ turn[:, None] @ whole).max(axis=(1, 2, 3), initial=0.0)
+        matrix = turn[:, None] @ whole
         form = np.concatenate([matrix[..., n:, :], -matrix[..., :n, :]], axis=-2)
         error = np.abs(form - np.swapaxes(form, -1, -2)).max(axis=(1, 2, 3))
-        return np.asarray(error <= SYMMETRIC * np.abs(form).max(axis=(1, 2, 3)))
+        symmetric = (error <= SYMMETRIC * np.abs(form).max(axis=(1, 2, 3))) & (left <= SYMMETRIC * size)
+        return np.asarray(symmetric.reshape(shape[:2]).all(axis=1))
 
-    def monodromy(self, row: Array, cycle: Array) -> tuple[Array, Array]:
-        """P ``(P, 2n, 2n)`` at points (row, 1/Omega) ``(P,)``, 1/Omega in units of 1/rate, and dP/d ln(1/Omega)."""
-        step = max(1, ENTRIES_AT_ONCE // (len(self.states) * self.size**2))
-        parts = [self._monodromy(row[k : k + step], cycle[k : k + step]) for k in range(0, max(len(row), 1), step)]
-        whole = np.concatenate(parts)
-        return whole.real.copy(), whole.imag / TINY
-
-    def _monodromy(self, row: Array, cycle: Array) -> Array:
-        """P + i TINY dP/d ln(1/Omega): the derivative of an analytic function by an imaginary step is exact."""
-        moved = cycle * (1 + 1j * TINY)
-        matrix = self.following.matrices(row, self.rate[row] / moved)
-        time = self.fractions[row] * (2 * np.pi * self.cycles * moved)[:, None]
-        steps = matrix[:, self.states] * time[:, :, None, None]
-        flows = expm(steps.reshape(-1, self.size, self.size)).reshape(steps.shape)
-        product = flows[:, 0]
-        for k in range(1, len(self.states)):
-            product = flows[:, k] @ product
+    def monodromy(self, row: Array, cycle: Array) -> Array:
+        """P ``(P, 2n, 2n)`` at points (row, 1/Omega) ``(P,)``."""
+        product = kernel.exponentials(self.cycles, self.fractions, self.states, self.generator, row, cycle)
+        matrix = self.generator.subset(row).at(1 / np.asarray(cycle)[:, None])[:, 0, 0]
         turn, back = self._turns(matrix)
         return np.asarray(turn @ product @ back)
 
+    def with_slope(self, row: Array, cycle: Array) -> tuple[Array, Array]:
+        """P and dP/d ln(1/Omega)."""
+        count, rows = len(row), np.repeat(row, 3)
+        every = self.monodromy(rows, np.repeat(cycle, 3) * np.tile(np.exp([-STEP, 0.0, STEP]), count))
+        before, here, after = np.moveaxis(every.reshape(count, 3, *every.shape[1:]), 1, 0)
+        return here, (after - before) / (2 * STEP)
+
     def _turns(self, matrix: Array) -> tuple[Array, Array]:
-        """What takes x = (w u, u') into z, and back, ``(P, 2n, 2n)``, from the generators ``(P, D, 2n, 2n)``."""
-        n = self.size // 2
-        weight = np.einsum("pii->pi", matrix[:, 0, :n, n:])
-        half = -0.5 * matrix[:, 0, n:, n:]
-        turn, back = np.zeros((2, *matrix[:, 0].shape), dtype=matrix.dtype)
-        each, root = np.arange(n), np.sqrt(weight)
+        """What takes x into z ``(P, 2n, m)``, and back, from generators ``(P, m, m)`` of one state."""
+        n, m = self.elastic, matrix.shape[-1]
+        weight, gyroscopic = np.einsum("pii->pi", matrix[:, :n, n : 2 * n]), -matrix[:, n : 2 * n, n : 2 * n]
+        root, each = np.sqrt(weight), np.arange(n)
+        turn, back = np.zeros((len(matrix), 2 * n, m)), np.zeros((len(matrix), m, 2 * n))
         turn[:, each, each] = turn[:, n + each, n + each] = 1 / root
-        turn[:, n:, :n] = half / root[:, :, None] / weight[:, None, :]
+        turn[:, n:, :n] = 0.5 * gyroscopic / root[:, :, None] / weight[:, None, :]
         back[:, each, each] = back[:, n + each, n + each] = root
-        back[:, n:, :n] = -half / root[:, None, :]
+        back[:, n : 2 * n, :n] = -0.5 * gyroscopic / root[:, None, :]
+        if m > 2 * n:
+            # The rigid-body velocity at which the momentum d.u' + r' + h.u is zero, with the free motion (d, 1).
+            free = -np.swapaxes(matrix[:, :n, 2 * n :], 1, 2) / weight[:, None, :]
+            held = (free @ gyroscopic - matrix[:, 2 * n :, n : 2 * n]) / weight[:, None, :]
+            back[:, 2 * n :] = -held @ back[:, :n] - free @ back[:, n : 2 * n]
         return turn, back

@@ -112,7 +112,7 @@ class Cover:
         """Compute points."""
         heed()
         self.evaluations += np.bincount(row, minlength=len(self.first))
-        return KreinPhases.of(*self.periods.monodromy(row, np.exp(x)))
+        return KreinPhases.of(*self.periods.with_slope(row, np.exp(x)))
 
     def add(self, row: Array, x: Array) -> None:
         """Take in further points."""
