@@ -24,8 +24,8 @@ from gearstab.floquet.boundaries import smooth
 from gearstab.floquet.boundaries.counting.krein import spectrum
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fastest
 from gearstab.floquet.boundaries.gyroscopic import search as gyroscopic
-from gearstab.floquet.boundaries.gyroscopic.canonical import CanonicalPeriods
 from gearstab.floquet.boundaries.parts import Part
+from gearstab.floquet.general.canonical import CanonicalPeriods
 from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms, free_rotations
 from gearstab.floquet.general.solve import SLIVER, varying
 from gearstab.floquet.kernel import c_kernel as kernel

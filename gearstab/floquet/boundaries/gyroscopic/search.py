@@ -14,9 +14,9 @@ import numpy as np
 
 from gearstab.floquet.boundaries.damped.proof import running_maximum
 from gearstab.floquet.boundaries.damped.search import SearchResult, Stretches
-from gearstab.floquet.boundaries.gyroscopic.canonical import CanonicalPeriods
 from gearstab.floquet.boundaries.gyroscopic.phases import KreinPhases
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
+from gearstab.floquet.general.canonical import CanonicalPeriods
 from gearstab.interrupts import heed
 from gearstab.system import Array
 

@@ -4,7 +4,7 @@ With u in the modes of the mean system, u'' + g u' + K(t) u = 0 has the momentum
 (w^(1/2) u, w^(-1/2) p) it is canonical, dz/dt = A z with J A symmetric, if and only if g is skew and K(t) symmetric,
 whatever the speeds are; J then does not depend on them. The monodromy matrix is symplectic, P^T J P = J.
 
-A rigid-body motion q = v b that is free at every speed enters by its velocity r' only, and its momentum v.(M q' + W G q)
+A rigid-body motion v b that is free at every speed enters by its velocity r' only, and its momentum v.(M q' + W G q)
 is conserved; the other multipliers are those of the system in which it is zero, with the same canonical coordinates.
 
 Source: Yakubovich & Starzhinskii 1975, ch. III; with p as in the Legendre transform of a gyroscopic Lagrangian.
