@@ -183,10 +183,10 @@ def _search(
             own.canonical(CF6_5, doublings), *limits.cycles(pattern), limits.tolerance, limits.floor
         )
         periods = own.canonical(CF6_5, max(doublings - 1, 0))
-        return found, lambda row, cycle: ~spectrum(periods.monodromy(row, cycle)).off.any(axis=1)
+        return found, lambda row, cycle: np.asarray(~spectrum(periods.monodromy(row, cycle)).off.any(axis=1))
     half = own.flow(CF6_5, max(doublings - 1, 0))
     found = limits.damped(own.flow(CF6_5, doublings, rounding), pattern)
-    return found, lambda row, cycle: kernel.moduli(half, row, cycle)[:, 0] <= 0
+    return found, lambda row, cycle: np.asarray(kernel.moduli(half, row, cycle)[:, 0] <= 0)
 
 
 def _controlled(own: PeriodicPart, limits: Limits, canonical: bool) -> tuple[Chain, SearchResult]:

@@ -297,8 +297,9 @@ def _damped(
 def _scattered(cycles: float, fractions: Array, states: Array, generator: Generators) -> tuple[Any, ...]:
     """Any generators, of which each point makes exponentials, as the C functions for scattered points take them."""
     rows, count, m = generator.matrix.shape[:3]
-    none = np.empty((rows, 0, m, m)), np.empty((rows, 0, 3))
-    by_speed, laws = none if generator.by_speed is None else (generator.by_speed, generator.laws)
+    by_speed, laws = np.empty((rows, 0, m, m)), np.empty((rows, 0, 3))
+    if generator.by_speed is not None and generator.laws is not None:
+        by_speed, laws = generator.by_speed, generator.laws
     numbers = (rows, len(states), count, count, m, by_speed.shape[1], float(cycles))
     unused, order = np.zeros((rows, count, m)), np.ascontiguousarray(states, dtype=np.int64)
     return (
