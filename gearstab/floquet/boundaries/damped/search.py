@@ -36,7 +36,7 @@ EVALUATIONS, SPECTRA = 75, 25
 30 to 170, and 7 to 66; half of the rates and two thirds of the spectra beside edges."""
 MEETINGS, PURSUIT = 1_700, 27.0
 """Meetings of a row, and budgets for these, up to which they are pursued."""
-PATIENCE = 4.0
+PATIENCE = 20.0
 """Budgets of a scan with the step set by damping where generators go with the mesh frequency, so that points cost
 more, and proofs far more.
 """
