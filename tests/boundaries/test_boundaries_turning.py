@@ -21,6 +21,7 @@ from gearstab.floquet import solve
 from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.floquet.boundaries.gyroscopic import phases
 from gearstab.floquet.general.mean import mean_motions
+from gearstab.floquet.stability import STATUS_FLAGS
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Fourier
@@ -44,7 +45,7 @@ def built(system: dict[str, Any]) -> GearSystem:
         "rotation": speed | {new: system[old] for old, new in names.items() if old in system},
     }
     section |= {"damping": system["damping"]} if "damping" in system else {}
-    return build(load({"system": section}).parameters)
+    return build(load({"system": section}).system)
 
 
 def inside(found: Boundaries, omega: Array, row: int = 0) -> Array:
@@ -109,6 +110,26 @@ def test_narrow_tongues_of_sums_and_differences(case: dict[str, Any], tongue: di
         numbers = sorted((tongue["mode_p"], tongue["mode_q"]))
         assert [member.mode_p, member.mode_q, member.harmonic] == [*numbers, tongue["harmonic"]]
         assert member.difference == (tongue["type"] == "difference")
+
+
+@pytest.mark.parametrize(("case", "tongue"), [(case, t) for case in TONGUES for t in case["tongues"]])
+@pytest.mark.parametrize("epsilon", [1e-6, 1e-8, 1e-9])
+def test_points_in_the_narrowest_tongues(case: dict[str, Any], tongue: dict[str, Any], epsilon: float) -> None:
+    """Krein signs tell growth of 1e-11 per unit of time from rounding: half of what detuning takes to stop it."""
+    system = deepcopy(case["system"])
+    for mesh in system["meshes"]:
+        mesh["epsilon"] = epsilon
+    center = tongue["centre_mesh_frequency"]
+    found = solve(built(system), np.array([center]))
+    if not tongue["half_width_over_epsilon_first_order"]:
+        assert (found.stable[0, 0], found.growth_rate[0, 0]) == (1, 0)
+        return
+    if "speed_held" in system:
+        detuning = tongue["harmonic"] * tongue["half_width_over_epsilon_first_order"]
+        # The growth is the root of a difference of some 1e-16.
+        assert found.growth_rate[0, 0] == pytest.approx(0.5 * epsilon * detuning, rel=1e-3)
+    assert found.stable[0, 0] == 0
+    assert found.status[0, 0] & STATUS_FLAGS["krein"]
 
 
 def check_hamiltonian(seed: int, points: int) -> int:
@@ -184,6 +205,32 @@ def test_rows_of_a_batch() -> None:
         assert [found.labels()[k] for k in np.flatnonzero(mine)] == alone.labels()
     assert found.stable_share(found.counted)[0] == pytest.approx(1.0)
     assert found.stable_share(found.proved)[1] > 0.99
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_a_planetary_gear_with_a_turning_carrier(free: bool) -> None:
+    """Edges against points; with a free rotation, whose momentum is conserved, exactly too."""
+    held = {} if free else {"carrier_rotation": 2e8, "sun_rotation": 1e8}
+    section = {
+        "kind": "planetary",
+        "planets": 3,
+        "ring": {"kind": "rigid"},
+        "masses": {"ring": 2.35, "carrier": 5.43, "sun": 0.4, "planet": 0.66},
+        "inertias": {"ring": 3.0, "carrier": 6.29, "sun": 0.39, "planet": 0.61},
+        "supports": {"carrier": 1e8, "sun": 1e8, "ring": 1e8, "planet": 1e8, "ring_rotation": 1e9, **held},
+        "pressure_angles": {"sun": "24.6 deg", "ring": "24.6 deg"},
+        "meshes": {mesh: {"mean_stiffness": 5e8, "epsilon": 0.2, "contact_ratio": 1.4} for mesh in ("sun", "ring")},
+        "teeth": {"sun": 30, "planet": 27, "ring": 84},
+        "carrier_speed": "from_teeth",
+    }
+    system = build(load({"system": section}).system)
+    start, stop = 30_000.0, 34_000.0
+    found = boundaries(system, start, stop)
+    assert len(found.row) >= 3
+    np.testing.assert_allclose(found.stable_share(found.counted), 1.0)
+    omega = np.random.default_rng(0).uniform(start, stop, 2000)
+    omega = omega[~beside(found, omega)]
+    np.testing.assert_array_equal(solve(system, omega).stable[0] == 0, inside(found, omega))
 
 
 @pytest.mark.parametrize("damped", [False, True])

@@ -62,7 +62,7 @@ class ExactRows:
         omega = mesh_frequency / self.rate
         ends = np.stack([omega.min(axis=1), omega.max(axis=1)], axis=1)
         canonical = ~self.own.damped & periods.hamiltonian(ends)
-        found = np.where(canonical[:, None] & (log <= decision.ON_CIRCLE), np.minimum(log, 0.0), log)
+        found = np.where(canonical[:, None] & (log <= decision.ON_CIRCLE), 0.0, log)
         asked = canonical[:, None] & (found > 0) & (found <= decision.OFF_CIRCLE)
         row, point = np.nonzero(asked)
         if len(row):

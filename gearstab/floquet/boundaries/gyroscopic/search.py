@@ -40,7 +40,7 @@ def search(periods: CanonicalPeriods, first: Array, last: Array, tolerance: floa
 
     Rows in which a gap is left open are not counted; their step is the widest one.
     """
-    found = Cover(periods, np.log(first), np.log(last))
+    found = VerdictCover(periods, np.log(first), np.log(last))
     count = len(first)
     found.add(np.repeat(np.arange(count), FEWEST), np.linspace(found.first, found.last, FEWEST, axis=1).ravel())
     for _ in range(ROUNDS):
@@ -99,7 +99,7 @@ class VerdictGaps:
         return self.row[owner], self.left[owner] + self.width[owner] * (number + 0.5) / np.repeat(count, count)
 
 
-class Cover:
+class VerdictCover:
     """Points of rows in order of (row, x), x = ln(1/Omega): their verdicts, and the stretches on which these hold."""
 
     def __init__(self, periods: CanonicalPeriods, first: Array, last: Array) -> None:
