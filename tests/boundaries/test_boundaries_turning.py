@@ -132,6 +132,19 @@ def test_points_in_the_narrowest_tongues(case: dict[str, Any], tongue: dict[str,
     assert found.status[0, 0] & STATUS_FLAGS["krein"]
 
 
+@pytest.mark.parametrize("tongue", [t for t in TONGUES[1]["tongues"] if t["half_width_over_epsilon_first_order"]])
+def test_regions_below_the_usual_floor(tongue: dict[str, Any]) -> None:
+    """Widths of 1e-8 of the mesh frequency are right to 1e-4, which rounding leaves of phases 1e-8 apart."""
+    system, epsilon = deepcopy(TONGUES[1]["system"]), 2e-7
+    for mesh in system["meshes"]:
+        mesh["epsilon"] = epsilon
+    center = tongue["centre_mesh_frequency"]
+    found = boundaries(built(system), 0.97 * center, 1.03 * center, 1e-12, 1e-9)
+    (k,) = np.flatnonzero(np.abs(found.lower / center - 1) < 1e-6)
+    width = 0.5 * (found.upper - found.lower)[k] / epsilon
+    assert width == pytest.approx(tongue["half_width_over_epsilon_first_order"], rel=1e-4)
+
+
 def check_hamiltonian(seed: int, points: int) -> int:
     """Regions of a random Hamiltonian system against a raster; returns how many there are."""
     system = random_rotor(seed, hamiltonian=True)
