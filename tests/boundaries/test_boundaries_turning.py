@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from copy import deepcopy
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -160,6 +161,20 @@ def check_hamiltonian(seed: int, points: int) -> int:
         assert np.all(stable[0] == 1) or len(found.row) > 60  # where two regions are nearer than that
         assert np.all(stable[1] == 0)
     return len(found.row)
+
+
+def test_a_long_period_with_strong_growth() -> None:
+    """Fifty cycles: multipliers of e^10, whose matrices have lost their inverses in rounding, and gaps in between."""
+    system = random_rotor(6, hamiltonian=True)
+    first = system.meshes[0]
+    second = replace(first, name="other", direction=np.roll(first.direction, 1), frequency_ratio=Fraction(49, 50))
+    system = replace(system, meshes=(first, replace(second, lag=0.3)))
+    start, stop = 4.2, 4.6
+    found = boundaries(system, start, stop)
+    assert found.sampled_step[0] == 0
+    assert found.evaluations[0] < 5000
+    omega = np.random.default_rng(0).uniform(start, stop, 1000)
+    np.testing.assert_array_equal(solve(system, omega).stable[0] == 0, inside(found, omega))
 
 
 def check_unsymmetric(seed: int, points: int) -> float:

@@ -70,6 +70,11 @@ class CanonicalPeriods:
         before, here, after = np.moveaxis(every.reshape(count, 3, *every.shape[1:]), 1, 0)
         return here, (after - before) / (2 * STEP)
 
+    def radians(self, omega: Array) -> Array:
+        """``(r,)``: of the fastest motion of any state over a period at Omega = 1, from states at Omega ``(r,)``."""
+        values = np.linalg.eigvals(self.generator.at(omega[:, None])[:, 0])
+        return np.asarray(2 * np.pi * self.cycles * np.abs(values).max(axis=(1, 2)))
+
     def _turns(self, matrix: Array) -> tuple[Array, Array]:
         """What takes x into z ``(P, 2n, m)``, and back, from generators ``(P, m, m)`` of one state."""
         n, m = self.elastic, matrix.shape[-1]

@@ -99,7 +99,7 @@ def _pairs(chain: Chain, row: Array, cycle: Array, size: int) -> WhirlPairs:
 
 def _pairs_of(chain: Chain, row: Array, cycle: Array, size: int, most: int) -> WhirlPairs:
     own, each = chain.at(row, cycle)
-    motions = _Motions.of(own, each, size)
+    motions = _SignedMotions.of(own, each, size)
     harmonic = np.arange(-most, most + 1)
     with np.errstate(all="ignore"):
         weight = _weights(own, each, cycle, motions.left, harmonic) * motions.sign[:, :, None]
@@ -114,7 +114,7 @@ def _pairs_of(chain: Chain, row: Array, cycle: Array, size: int, most: int) -> W
 
 
 @dataclass(frozen=True)
-class _Motions:
+class _SignedMotions:
     """Motions exp(mu t) of mean systems at P points, by ascending frequency, each before its complex conjugate.
 
     exponents, number ``(P, m)``: mu, and the mode from 0. left ``(P, m, m)``: left vectors of motions of action 1 or
@@ -129,7 +129,7 @@ class _Motions:
     driven: Array
 
     @classmethod
-    def of(cls, chain: Chain, row: Array, size: int) -> _Motions:
+    def of(cls, chain: Chain, row: Array, size: int) -> _SignedMotions:
         mean = np.einsum("ps,psij->pij", chain.fractions[row], chain.generator.matrix[row][:, chain.states])
         values, right = np.linalg.eig(mean)
         values, right = values.astype(complex), right.astype(complex)
@@ -179,7 +179,7 @@ def _weights(chain: Chain, row: Array, cycle: Array, left: Array, harmonic: Arra
     return np.nan_to_num(np.abs(result) ** 2)
 
 
-def _leading(weight: Array, harmonic: Array, motions: _Motions) -> WhirlPairs:
+def _leading(weight: Array, harmonic: Array, motions: _SignedMotions) -> WhirlPairs:
     """The best pairs of the leading parts; weight ``(P, m, K)``: signed actions. The share is 0 where there is none."""
     flat = weight.reshape(len(weight), -1)
     count = min(LEADING, flat.shape[1])
