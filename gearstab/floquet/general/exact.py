@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gearstab.floquet.general.canonical import CanonicalPeriods
 from gearstab.floquet.general.coordinates import ElasticRows, elastic_rows
 from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel import decision
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.factors import SPREAD
 from gearstab.floquet.segments.pattern import SHORTEST, Succession, merged
@@ -47,6 +49,25 @@ class ExactRows:
         table = self._all_logs(omega) if exponents else None
         growth = kernel.scan_damped(self.segments, self.generator, omega)[0]
         return growth, self._rounding(omega), table
+
+    def by_krein(self, mesh_frequency: Array, log: Array) -> tuple[Array, Array, Array]:
+        """Decide the doubtful points of Hamiltonian rows by Krein signs.
+
+        Returns: (ln max |lambda| ``(r, P)``, of Hamiltonian rows positive only where that is no rounding; which rows
+        these are ``(r,)``; which points were doubtful).
+        """
+        periods = CanonicalPeriods(
+            self.segments.cycles, self.segments.fractions, self.segments.states, self.generator, len(self.own.elastic)
+        )
+        omega = mesh_frequency / self.rate
+        ends = np.stack([omega.min(axis=1), omega.max(axis=1)], axis=1)
+        canonical = ~self.own.damped & periods.hamiltonian(ends)
+        found = np.where(canonical[:, None] & (log <= decision.ON_CIRCLE), 0.0, log)
+        asked = canonical[:, None] & (found > 0) & (found <= decision.OFF_CIRCLE)
+        row, point = np.nonzero(asked)
+        if len(row):
+            found[row, point] = decision.conservative(periods.monodromy(row, 1 / omega[row, point]))[1]
+        return found, canonical, asked
 
     def _all_logs(self, omega: Array) -> Array:
         if self.generator.by_speed is None:

@@ -14,9 +14,9 @@ import numpy as np
 
 from gearstab.floquet.boundaries.damped.proof import running_maximum
 from gearstab.floquet.boundaries.damped.search import SearchResult, Stretches
-from gearstab.floquet.boundaries.gyroscopic.canonical import CanonicalPeriods
 from gearstab.floquet.boundaries.gyroscopic.phases import KreinPhases
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
+from gearstab.floquet.general.canonical import CanonicalPeriods
 from gearstab.interrupts import heed
 from gearstab.system import Array
 
@@ -107,12 +107,14 @@ class VerdictCover:
         self.row, self.unstable = np.empty(0, dtype=int), np.empty(0, dtype=bool)
         self.x, self.low, self.high = np.empty((3, 0))
         self.evaluations = np.zeros(len(first), dtype=np.int64)
+        self.fastest = periods.radians(0.5 * (np.exp(-first) + np.exp(-last)))
 
     def look(self, row: Array, x: Array) -> KreinPhases:
         """Compute points."""
         heed()
         self.evaluations += np.bincount(row, minlength=len(self.first))
-        return KreinPhases.of(*self.periods.monodromy(row, np.exp(x)))
+        cycle = np.exp(x)
+        return KreinPhases.of(*self.periods.with_slope(row, cycle), 1 / (self.fastest[row] * cycle))
 
     def add(self, row: Array, x: Array) -> None:
         """Take in further points."""
