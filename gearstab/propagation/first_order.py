@@ -25,7 +25,7 @@ import numpy as np
 
 from gearstab.grouping import equal_rows
 from gearstab.modal import mean_modes
-from gearstab.rotation import SpeedTerm, factors
+from gearstab.rotation import SpeedTerm, factor_slopes, factors
 from gearstab.system import Array, GearSystem
 
 UNDAMPED = 1e-11
@@ -247,6 +247,14 @@ class FirstOrder:
         flat = self.parts.reshape(*self.parts.shape[:2], self.size**2)
         varying = np.einsum("...rj,rjk->...rk", values[..., : flat.shape[1]], flat)
         return self._static(speed) + varying.reshape(*varying.shape[:-1], self.size, self.size)
+
+    def speed_slope(self, speed: Array) -> Array:
+        """dA/dOmega ``(..., r, m, m)`` at speeds ``(..., r)``."""
+        if self.by_speed is None or self.laws is None:
+            return np.zeros_like(self.constant)
+        ratio, power, softening = np.moveaxis(self.laws, -1, 0)
+        slope = ratio * factor_slopes(ratio * np.asarray(speed)[..., None], power, softening)
+        return np.asarray(np.einsum("...rs,rsij->...rij", slope, self.by_speed))
 
     def _static(self, speed: Array | float) -> Array:
         """The part of A ``(..., r, m, m)`` that does not vary at speeds ``(..., r)``."""

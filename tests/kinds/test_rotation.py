@@ -19,8 +19,8 @@ from driven import integrated_along, train
 import gearstab as gs
 from gearstab.config import ConfigError, load
 from gearstab.floquet import solve
-from gearstab.floquet.general.coordinates import elastic_forms
 from gearstab.methods import METHODS, OptionError
+from gearstab.propagation.elastic import elastic_forms
 from gearstab.propagation.path import Path
 from gearstab.response import driven_response, ramp_response, steady_state
 from gearstab.rotation import Rotation

@@ -23,7 +23,6 @@ import numpy as np
 from gearstab.floquet.boundaries import smooth
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fastest
 from gearstab.floquet.boundaries.parts import Part
-from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms, free_rotations
 from gearstab.floquet.general.solve import SLIVER, varying
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
@@ -33,6 +32,7 @@ from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
 from gearstab.grouping import equal_rows
+from gearstab.propagation.elastic import ElasticForm, elastic_forms, free_rotations
 from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.general.coordinates import ElasticRows, elastic_rows
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.factors import SPREAD
 from gearstab.floquet.segments.pattern import SHORTEST, Succession, merged
+from gearstab.propagation.elastic import ElasticRows, elastic_rows
 from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
