@@ -172,15 +172,15 @@ class MeanRow:
             moving = moving[(moved > CLOSE * middle) & (excess != 0)]
         return root
 
-    def _motions(self, omega: Array) -> list[_Motions]:
+    def _motions(self, omega: Array) -> list[_Pairing]:
         values, right = np.linalg.eig(self.matrices(omega))
         left = np.linalg.inv(right)
         slope = np.broadcast_to(self.form.form.speed_slope(omega[:, None])[:, 0] if not self.held else 0.0, right.shape)
         return [
-            _Motions.of(*own, self.form.rate, self.system.size) for own in zip(values, right, left, slope, strict=True)
+            _Pairing.of(*own, self.form.rate, self.system.size) for own in zip(values, right, left, slope, strict=True)
         ]
 
-    def _tongue(self, one: Wanted, root: float, motions: _Motions) -> tuple[float, float, float]:
+    def _tongue(self, one: Wanted, root: float, motions: _Pairing) -> tuple[float, float, float]:
         """(middle, half-width, threshold) in Omega; NaN where another pair of the same frequencies carries it."""
         force, p, q, difference = one
         P, Q = motions.group(p - 1), motions.group(q - 1)
@@ -220,7 +220,7 @@ class MeanRow:
 
 
 @dataclass(frozen=True)
-class _Motions:
+class _Pairing:
     """The n motions at one mesh frequency: exponents and slopes in 1/time, vectors ``(m, n)`` and ``(n, m)``.
 
     By ascending frequency; those that do not oscillate, first, have no vectors.
@@ -232,7 +232,7 @@ class _Motions:
     derivative: Array
 
     @classmethod
-    def of(cls, values: Array, right: Array, left: Array, slope: Array, rate: float, n: int) -> _Motions:
+    def of(cls, values: Array, right: Array, left: Array, slope: Array, rate: float, n: int) -> _Pairing:
         upper = np.flatnonzero(values.imag > 0)
         upper = upper[np.argsort(values[upper].imag, kind="stable")]
         first, m = n - len(upper), len(values)
