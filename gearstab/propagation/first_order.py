@@ -226,6 +226,13 @@ class FirstOrder:
         return own if own.by_speed is None else replace(own, constant=own._static(speed), by_speed=None, laws=None)
 
     @property
+    def scaled_laws(self) -> Array | None:
+        """``laws`` of mesh frequencies in units of the rates."""
+        return (
+            None if self.laws is None else self.laws * np.stack([self.rate, *np.ones((2, len(self.rate)))], -1)[:, None]
+        )
+
+    @property
     def size(self) -> int:
         """m."""
         return int(self.constant.shape[-1])

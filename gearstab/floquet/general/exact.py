@@ -83,10 +83,7 @@ def exact_rows(system: GearSystem) -> Iterator[ExactRows]:
             segments, levels = _segments(plan.subset(rows), values[rows], cycles)
             # Values of rows run along the second axis from the right there.
             matrix = np.swapaxes(replace(form, by_speed=None).generator(np.swapaxes(levels, 0, 1)), 0, 1)
-            laws = (
-                None if form.laws is None else form.laws * np.stack([form.rate, *np.ones((2, len(rows)))], -1)[:, None]
-            )
-            yield ExactRows(own, segments, Generators(matrix, form.by_speed, laws, bool(hamiltonian)))
+            yield ExactRows(own, segments, Generators(matrix, form.by_speed, form.scaled_laws, bool(hamiltonian)))
 
 
 def _hamiltonian(own: ElasticRows) -> Array:
