@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.frequencies.period import sample, segments_a_cycle
-from gearstab.floquet.general.coordinates import free_rotations
 from gearstab.floquet.segments.blocks import Block, split
 from gearstab.modal import mean_modes
+from gearstab.propagation.elastic import free_rotations
 from gearstab.system import GearSystem
 
 SHARE = 1e-9

@@ -131,6 +131,7 @@ class ToleranceAnalysis(SampledMethod):
     name = "tolerance"
     reused = True
     Options = ToleranceOptions
+    supports = Floquet.supports
     flag_notes: ClassVar[Mapping[str, str]] = {
         "negative_stiffness": "some samples have a mesh whose softer level is not positive at {points}",
         "failed": "some samples could not be computed at {points}; the interval counts them as either",

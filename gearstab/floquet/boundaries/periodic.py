@@ -26,7 +26,6 @@ from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fast
 from gearstab.floquet.boundaries.gyroscopic import search as gyroscopic
 from gearstab.floquet.boundaries.parts import Part
 from gearstab.floquet.general.canonical import CanonicalPeriods
-from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms, free_rotations
 from gearstab.floquet.general.solve import SLIVER, varying
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
@@ -36,6 +35,7 @@ from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
 from gearstab.grouping import equal_rows
+from gearstab.propagation.elastic import ElasticForm, elastic_forms, free_rotations
 from gearstab.propagation.first_order import FirstOrder
 from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem

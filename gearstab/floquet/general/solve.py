@@ -17,12 +17,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms
 from gearstab.floquet.general.exact import exact_rows
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, empty, settled
 from gearstab.interrupts import heed
+from gearstab.propagation.elastic import ElasticForm, elastic_forms
 from gearstab.propagation.magnus import NODES, ORDER, polynomial
 from gearstab.propagation.products import MagnusSteps, eigenvalues, propagated
 from gearstab.propagation.schedule import Schedule, schedule
