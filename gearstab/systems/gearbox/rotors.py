@@ -1,13 +1,18 @@
-"""Mass and moment of inertia of the rotors of a train."""
+"""Mass, moment of inertia and radii of the rotors of a train, and the hands of their helices."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from gearstab.gears.geometry import transverse_angle
 from gearstab.system import Array
+from gearstab.systems.kinematics import TrainError
 
+HANDS = {"right": 1, "left": -1}
+"""Sign of the helix angle by hand."""
 STEEL = {"young": 206.8e9, "poisson": 0.3, "density": 7850.0, "shear": 80e9}
 
 
@@ -19,6 +24,11 @@ def is_gear(rotor: dict[str, Any]) -> bool:
 def moves(rotor: dict[str, Any]) -> bool:
     """Whether a rotor has a lateral support, and so moves in its plane."""
     return (rotor.get("support") or {}).get("stiffness") is not None
+
+
+def slides(rotor: dict[str, Any]) -> bool:
+    """Whether a rotor has an axial support, and so moves along its axis."""
+    return (rotor.get("support") or {}).get("axial_stiffness") is not None
 
 
 def turns(rotor: dict[str, Any], held: bool) -> bool:
@@ -33,13 +43,40 @@ def number(p: dict[str, Any], key: str, default: float = 0.0) -> Array:
 
 
 def pitch_radius(rotor: dict[str, Any]) -> Array:
-    """m z/2."""
-    return 0.5 * number(rotor, "module") * float(rotor["teeth"])
+    """m_t z/2."""
+    return 0.5 * number(rotor, "module") / np.cos(number(rotor, "helix_angle")) * float(rotor["teeth"])
 
 
 def base_radius(rotor: dict[str, Any]) -> Array:
-    """R_b = (m z/2) cos alpha."""
-    return pitch_radius(rotor) * np.cos(number(rotor, "pressure_angle"))
+    """R_b = (m_t z/2) cos alpha_t."""
+    alpha, beta = number(rotor, "pressure_angle"), number(rotor, "helix_angle")
+    return pitch_radius(rotor) * np.cos(np.vectorize(transverse_angle, otypes=[float])(alpha, beta))
+
+
+def hands(rotors: Sequence[dict[str, Any]], mates: Sequence[tuple[int, int, int]]) -> list[int]:
+    """Return the sign of the helix of every rotor: as given by ``hand`` or a negative helix angle, else such as meshes.
+
+    mates: numbers of two gears in mesh, and 1 where their hands are equal, -1 where they are opposite. The first gear
+    of which nothing follows is right-handed. Raises TrainError for a right hand with a negative angle.
+    """
+    found: dict[int, int] = {}
+    for k, rotor in enumerate(rotors):
+        negative = bool(np.any(number(rotor, "helix_angle") < 0))
+        if negative and rotor.get("hand") == "right":
+            message = "is right, and the helix_angle is negative, that of a left-handed gear"
+            raise TrainError(("rotors", k, "hand"), message, "remove one of the two, or change it")
+        if negative or rotor.get("hand") is not None:
+            found[k] = -1 if negative else HANDS[rotor["hand"]]
+    for k in range(len(rotors)):
+        while spread := {
+            b: found[a] * sign
+            for one, two, sign in mates
+            for a, b in ((one, two), (two, one))
+            if a in found and b not in found
+        }:
+            found |= spread
+        found.setdefault(k, 1)
+    return [found[k] for k in range(len(rotors))]
 
 
 def _disc(rotor: dict[str, Any], density: Array | float) -> tuple[Array, Array]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import tan
 from typing import Any
 
 import numpy as np
@@ -23,13 +24,13 @@ from gearstab.gears.pair import Pair
 from gearstab.system import Array
 from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, VARIATION, WAVE, from_teeth
 from gearstab.systems.gearbox.rotors import number
-from gearstab.waveforms import WAVEFORMS, Fourier, Tooth
+from gearstab.waveforms import WAVEFORMS, Fourier, Helical, Tooth
 from gearstab.waveforms.tooth import Piecewise, stacked
 
 Numbers = dict[tuple[str, str], float]
 
 OF_GEAR = {"module": None, "pressure_angle": None, "face_width": None, "profile_shift": 0.0, "addendum": 1.0,
-           "dedendum": 1.25, "bore_radius": None, "tip_shortening": 0.0}  # fmt: skip
+           "dedendum": 1.25, "bore_radius": None, "tip_shortening": 0.0, "helix_angle": 0.0}  # fmt: skip
 OF_MATERIAL = ("young", "poisson", "density")
 
 
@@ -87,6 +88,16 @@ class MeshTeeth:
         # The pinion of an internal pair is the external gear, whichever of the two drives.
         return Pair(driven, driver, centre, wheel_drives=True) if driver.internal else Pair(driver, driven, centre)
 
+    @property
+    def helical(self) -> bool:
+        """Whether a gear has a helix angle."""
+        return any(np.any(number(gear, "helix_angle")) for gear in self.gears)
+
+    @property
+    def lead(self) -> Array:
+        """tan beta_b of the driver, positive of a right-handed one."""
+        return self.each(lambda pair: tan(pair.pinion.base_helix))
+
     @cached_property
     def models(self) -> list[StiffnessModel]:
         return [
@@ -114,7 +125,8 @@ class MeshTeeth:
     def filled(self) -> dict[str, Any]:
         """The parameters of the mesh with what the teeth give of mean stiffness, epsilon, contact ratio and wave."""
         p, wanted = dict(self.p), from_teeth(self.p)
-        rectangular = WAVEFORMS[(p.get("waveform") or {}).get("kind", "rectangular")].has_contact_ratio
+        kind = (p.get("waveform") or {}).get("kind", "rectangular")
+        rectangular = WAVEFORMS[kind].has_contact_ratio
         if MEAN in wanted:
             p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
         if CONTACT_RATIO in wanted and rectangular:
@@ -122,12 +134,14 @@ class MeshTeeth:
         if VARIATION in wanted:
             keep = p.get("reduction", "levels")
             p["epsilon"] = self.of_stiffness(lambda mesh: (mesh.rectangular(keep) if rectangular else mesh).epsilon)
+        if kind == "rectangular" and self.helical:
+            return p | {"wave": Helical(p["contact_ratio"], self.each(lambda pair: pair.overlap_ratio))}
         return p | ({"wave": self.wave()} if WAVE in wanted else {})
 
     def wave(self) -> Tooth | Fourier:
         """The wave of the computed stiffness, or its first harmonics."""
         harmonics = (self.p.get("waveform") or {}).get("harmonics")
-        ratio = self.each(lambda pair: pair.contact_ratio)
+        ratio = self.each(lambda pair: pair.total_contact_ratio)
         whole = Tooth(stacked([mesh.curve for mesh in self.stiffness], self.batch), ratio)
         if harmonics is None:
             return whole

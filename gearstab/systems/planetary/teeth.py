@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import cos
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,9 @@ from gearstab.systems.kinematics import TrainError
 from gearstab.systems.planetary.phasing import Turning
 
 BODIES = ("sun", "planet", "ring")
-CUT = ("module", "pressure_angle", "addendum", "profile_shift", "tip_radius")
+HANDS = {"sun": 1, "planet": -1, "ring": -1}
+"""Signs of helix angles where the sun is right-handed."""
+CUT = ("module", "pressure_angle", "helix_angle", "addendum", "profile_shift", "tip_radius")
 """Numbers of a gear on which profile shifts and tips depend."""
 
 
@@ -54,23 +57,27 @@ class SetTeeth:
         """Shifts and tips of one entry of the batch."""
         counts = {body: int(self.gears[body]["teeth"]) for body in BODIES}
         module, alpha = numbers["sun", "module"], numbers["sun", "pressure_angle"]
+        beta = numbers.get(("sun", "helix_angle"), 0.0)
+        transverse = module / cos(beta)
         given = {body: numbers[body, "profile_shift"] for body in BODIES if (body, "profile_shift") in numbers}
         centre = numbers.get(("", "centre_distance"))
         if centre is None and {"sun", "planet"} <= given.keys():
-            first, second = (self.gears[b] | {"module": module, "pressure_angle": alpha, "profile_shift": given[b]}
-                             for b in ("sun", "planet"))  # fmt: skip
+            first, second = (self.gears[b] | {"module": module, "pressure_angle": alpha, "profile_shift": given[b],
+                                              "helix_angle": beta * sign}
+                             for b, sign in (("sun", 1), ("planet", -1)))  # fmt: skip
             centre = MeshTeeth((first, second), {}, STEEL).pairs[0].centre
         elif centre is None:
-            centre = halfway(module, counts["sun"], counts["ring"])
-        shifts = closing_shifts(counts, module, alpha, centre, given)
-        moved = centre / module - (counts["sun"] + counts["planet"]) / 2
+            centre = halfway(transverse, counts["sun"], counts["ring"])
+        shifts = closing_shifts(counts, module, alpha, centre, given, beta)
+        moved = (centre - transverse * (counts["sun"] + counts["planet"]) / 2) / module
         shortening = max(round(shifts["sun"] + shifts["planet"] - moved, 12), 0.0)
         found = {("", "centre_distance"): centre}
         for body in BODIES:
             found[body, "profile_shift"] = shifts[body]
             found[body, "tip_shortening"] = 0.0 if body == "ring" else shortening
             if (tip := numbers.get((body, "tip_radius"))) is not None:
-                above = (tip / module - counts[body] / 2 - shifts[body]) * (-1 if body == "ring" else 1)
+                above = (tip - transverse * counts[body] / 2) / module - shifts[body]
+                above *= -1 if body == "ring" else 1
                 found[body, "tip_shortening"] = numbers.get((body, "addendum"), 1.0) - above
         return found
 
@@ -142,10 +149,11 @@ def with_teeth(p: dict[str, Any]) -> dict[str, Any]:
     if p.get("gears") is None:
         return p
     counts, tips, shifts = p["teeth"], *(p["teeth"].get(key) or {} for key in ("tip_radius", "profile_shift"))
+    helix = np.abs(rotors.number(p["gears"], "helix_angle"))
     gears = {
-        body: p["gears"] | {"teeth": counts[body], "internal": body == "ring",
+        body: p["gears"] | {"teeth": counts[body], "internal": body == "ring", "helix_angle": hand * helix,
                             "tip_radius": tips.get(body), "profile_shift": shifts.get(body)}
-        for body in BODIES
+        for body, hand in HANDS.items()
     }  # fmt: skip
     found = SetTeeth(gears, p["meshes"], STEEL, counts.get("centre_distance"))
     moving, phases = Turning.of(p, counts["sun"], counts["ring"]), dict(p.get("phases") or {})
