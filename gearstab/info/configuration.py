@@ -149,7 +149,7 @@ def _reductions(system: GearSystem) -> dict[str, Any]:
     """How exact Floquet analysis takes the system apart."""
     from dataclasses import asdict
 
-    from gearstab.floquet.report import reduction
+    from gearstab.floquet.dispatch import reduction
     from gearstab.floquet.segments.reduction import reduce
 
     found = reduction(system)

@@ -13,8 +13,8 @@ from gearstab.config import Config
 from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.frequencies.choice import common_period
-from gearstab.floquet.general.mean import mean_motions
+from gearstab.floquet.frequencies.period import common_period
+from gearstab.floquet.general.mean import frequencies_beyond_modes
 from gearstab.modal import modal_damping_matrix, modal_damping_ratios
 from gearstab.perturbation.tongues import Tongue
 from gearstab.symmetry import natural_modes
@@ -79,9 +79,8 @@ def window(system: GearSystem, tongue: Tongue, half_width: float) -> tuple[float
     center = float(total) / tongue.frequency_ratio
     epsilon = max(float(mesh.epsilon) for mesh in system.meshes)
     moved = 0.25 * epsilon**2 * center + 2 * half_width
-    if system.general:
-        whole = mean_motions(system).frequency_by_mode[0, modes]
-        moved += float(np.abs(whole - natural).sum()) / tongue.frequency_ratio
+    if (whole := frequencies_beyond_modes(system)) is not None:
+        moved += float(np.abs(whole[0, modes] - natural).sum()) / tongue.frequency_ratio
     moved = min(moved, MOST_SHIFT * center)
     return center - moved, center + moved
 

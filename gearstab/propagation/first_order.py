@@ -119,12 +119,12 @@ class ModalMatrices:
         return [self.damping, *(matrix for on_velocity, matrix in self.parts if on_velocity), *turning]
 
     def turned(self, turn: Array) -> ModalMatrices:
-        """The same in other modes, Phi T with T ``(n, n)`` orthogonal, which leaves elastic modes as they are."""
-        own = {name: turn.T @ getattr(self, name) @ turn for name in ("static", "damping")}
-        parts = [(on_velocity, turn.T @ matrix @ turn) for on_velocity, matrix in self.parts]
+        """The same in other modes, Phi T with T ``(r, n, n)`` orthogonal, which leaves elastic modes as they are."""
+        back = np.swapaxes(turn, -1, -2)
+        own = {name: back @ getattr(self, name) @ turn for name in ("static", "damping")}
+        parts = [(on_velocity, back @ matrix @ turn) for on_velocity, matrix in self.parts]
         turning, drift = (
-            [replace(term, matrix=turn.T @ term.matrix @ turn) for term in terms]
-            for terms in (self.turning, self.drift)
+            [replace(term, matrix=back @ term.matrix @ turn) for term in terms] for terms in (self.turning, self.drift)
         )
         return replace(self, shapes=self.shapes @ turn, parts=parts, turning=turning, drift=drift, **own)
 

@@ -320,19 +320,20 @@ def _modes(state: State) -> Iterator[Block]:
     modes = natural_modes(state.system)
     ratios, kinds = modal_damping_ratios(state.system, modes), type_names(state.system, modes)
     yield Heading("Natural frequencies of the given design")
-    if state.system.general:
+    frequencies = mode_frequencies(state.system, modes)
+    if "symmetric_frequency" in frequencies:
         yield Text(
             "They are damped ones, of the whole mean system; types and damping ratios are those of the modes of its "
             "symmetric part that its motions resemble."
         )
-    frequencies = mode_frequencies(state.system, modes)["natural_frequency"]
+    natural = frequencies["natural_frequency"]
     rows = [
         [str(k + 1), f"{w:.6g}", kinds[k], "-" if ratios[k] != ratios[k] else f"{ratios[k]:.4g}"]
-        for k, w in enumerate(frequencies[:MOST_MODES])
+        for k, w in enumerate(natural[:MOST_MODES])
     ]
     yield Table(["mode", f"natural frequency{in_brackets(state.system, 'rad/s')}", "type", "damping ratio"], rows)
-    if len(frequencies) > MOST_MODES:
-        yield Text(f"and {len(frequencies) - MOST_MODES} more, up to {frequencies[-1]:.6g}.")
+    if len(natural) > MOST_MODES:
+        yield Text(f"and {len(natural) - MOST_MODES} more, up to {natural[-1]:.6g}.")
 
 
 MOST_MODES = 24

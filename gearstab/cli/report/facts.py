@@ -19,8 +19,8 @@ from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.floquet.boundaries.damped.proof import MODULI
 from gearstab.floquet.boundaries.damped.search import COARSEST, PURSUIT
 from gearstab.floquet.boundaries.solve import BUDGET
-from gearstab.floquet.frequencies.choice import AFFORDABLE, common_period
-from gearstab.floquet.report import reduction
+from gearstab.floquet.dispatch import in_modes, reduction
+from gearstab.floquet.frequencies.period import AFFORDABLE, common_period
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
 from gearstab.modal import modal_damping_ratios
@@ -156,7 +156,7 @@ def search_work(system: GearSystem, low: float, high: float) -> float:
     terms it keeps to its budgets where its fewest points do.
     """
     parts = reduction(system).parts
-    if system.damped or system.general:
+    if system.damped or not in_modes(system):
         budgets = (2 + PURSUIT) * BUDGET
         return budgets + sum(MODULI * COARSEST * part.segments * (2.0 * part.size) ** 3 for part in parts)
     frequency = np.nan_to_num(natural_modes(system).natural_frequency)

@@ -12,12 +12,12 @@ from gearstab.floquet.boundaries.coverage import Coverage
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, collisions, growing
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.boundaries.names import harmonics, labels, naming
-from gearstab.floquet.boundaries.parts import Part, RegionEdges, separated, united
+from gearstab.floquet.boundaries.parts import Part, RegionEdges, united
 from gearstab.floquet.boundaries.regions import Boundaries
 from gearstab.floquet.boundaries.undamped.search import Search
+from gearstab.floquet.dispatch import in_modes
 from gearstab.floquet.kernel.chain import Chain, chain
-from gearstab.floquet.segments.pattern import Pattern, prepare
-from gearstab.floquet.smooth.steps import Division
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.modal import mean_modes
 from gearstab.perturbation.multiple_scales import EQUAL_FREQUENCY
 from gearstab.perturbation.tongues import ParametricExcitation, Tongue, self_excited, tongue
@@ -76,7 +76,7 @@ def boundaries(
     system = system.over(system.batch)
     found = _Collected(system, start, stop, width_floor)
     limits = Limits(start, stop, tolerance, width_floor, budget)
-    if system.general:
+    if not in_modes(system):
         for driven, flow, edges in periodic.searched(system, limits):
             found.rigid(driven.part)
             found.periodic(driven, flow, edges)
@@ -94,7 +94,7 @@ def _searched(
     system: GearSystem, limits: Limits, reduction: bool
 ) -> Iterator[tuple[Part, Search | tuple[Chain, SearchResult]]]:
     """Parts of all rows and what is found out about them."""
-    for part, division in _parts(system, reduction):
+    for part, division in smooth.parts(system, reduction):
         moving = part.pattern.elastic.damped
         for rows in (np.flatnonzero(~moving), np.flatnonzero(moving)):
             if len(rows) == 0:
@@ -107,16 +107,6 @@ def _searched(
             else:
                 flow = chain(own.pattern)
                 yield own, (flow, limits.damped(flow, own.pattern))
-
-
-def _parts(system: GearSystem, reduction: bool) -> Iterator[tuple[Part, Division | None]]:
-    """All parts of all rows, with the period to be cut into steps where the stiffness varies smoothly."""
-    if not system.piecewise_constant:
-        yield from smooth.parts(system, reduction)
-        return
-    for pattern in prepare(system):
-        for part in separated(pattern, reduction):
-            yield part, None
 
 
 @dataclass

@@ -234,7 +234,7 @@ def test_modes_are_named_by_the_set_that_they_belong_to(tmp_path: Path) -> None:
 def test_blocks_of_two_sets_are_those_found_without_their_symmetries(tmp_path: Path) -> None:
     from dataclasses import replace
 
-    from gearstab.floquet.report import reduction
+    from gearstab.floquet.dispatch import reduction
 
     config = read(tmp_path, TWO.replace("input: {", "damping_ratio: 0.01\n  input: {"))
     system = build(config.parameters)
@@ -340,7 +340,7 @@ def whirl(system: Any, speed: float) -> tuple[np.ndarray, float]:
     return np.sort(values.imag[values.imag > 10.0]), float(values.real.max())
 
 
-SPINNING = json.loads((DATA / "carrier_speed.json").read_text())["cases"]
+SPINNING = json.loads((DATA / "rotation" / "planetary_carriers.json").read_text())["cases"]
 
 
 @pytest.mark.parametrize("case", SPINNING, ids=lambda case: case["name"])
