@@ -143,7 +143,7 @@ def test_the_resolved_configuration_is_as_the_user_wrote_it(gear: Config, tmp_pa
         ("inertias: {carrier: 1.2}", "inertias: {}", "system.inertias.carrier", "missing"),
         ("{single_pair_stiffness: 3.0e8}", "{epsilon: 0.2, waveform: {kind: tooth}}", "system.meshes.ring.epsilon",
          "already_given"),
-        ("pressure_angle: 20 deg", "pressure_angle: 20 deg, helix_angle: 65 deg", "system.gears.helix_angle", "out_of_range"),
+        ("module: 2 mm", "module: 2 mm, helix_angle: 65 deg", "system.gears.helix_angle", "out_of_range"),
         ("stiffness: 3.0e8", "stiffness: 3 m", "system.meshes.ring.single_pair_stiffness", "wrong_dimension"),
         ("sun: 28, planet: 20", "sun: 4, planet: 32", "system.meshes.sun", "impossible"),
         ("ring: 68", "ring: 76", "system.teeth.ring", "inconsistent"),
