@@ -92,7 +92,7 @@ class Rotor(Teeth, Named):
     teeth: ToothCount | None = Field(
         default=None, title="number of teeth", description="z; a rotor without teeth is no gear."
     )
-    hand: Annotated[str, Choice("hand", tuple(HANDS))] | None = Field(
+    hand: Annotated[str, Choice("hand", HANDS)] | None = Field(
         default=None,
         title="hand of the helix",
         description="right or left; without, such as meshes with the other gears.",

@@ -72,10 +72,8 @@ class TrainSet:
         sun = self.rotors["sun"]
         shared = {key: sun[key] for key in OF_PLANETS if key in sun}
         planet = shared | {key: value for key, value in self.planets.items() if value is not None}
-        # Planets have the other hand; the ring's, that of the planets, is the one of its rotor.
-        opposite = -np.sign(rotors.number(sun, "helix_angle"))
-        own = np.abs(rotors.number(planet, "helix_angle"))
-        planet["helix_angle"] = opposite * own if np.any(opposite) else own
+        if sun.get("hand") is not None:
+            planet["hand"] = rotors.other(sun["hand"])  # the ring's is that of its rotor
         gears = {"sun": sun, "planet": planet, "ring": self.rotors["ring"]}
         meshes = {name: (self.p.get("meshes") or {}).get(name) or {} for name in ("sun", "ring")}
         return SetTeeth(gears, meshes, self.material, self.p.get("centre_distance"))

@@ -11,8 +11,8 @@ from gearstab.gears.geometry import transverse_angle
 from gearstab.system import Array
 from gearstab.systems.kinematics import TrainError
 
-HANDS = {"right": 1, "left": -1}
-"""Sign of the helix angle by hand."""
+HANDS = ("right", "left")
+"""Of helices."""
 STEEL = {"young": 206.8e9, "poisson": 0.3, "density": 7850.0, "shear": 80e9}
 
 
@@ -53,29 +53,35 @@ def base_radius(rotor: dict[str, Any]) -> Array:
     return pitch_radius(rotor) * np.cos(np.vectorize(transverse_angle, otypes=[float])(alpha, beta))
 
 
-def hands(rotors: Sequence[dict[str, Any]], mates: Sequence[tuple[int, int, int]]) -> list[int]:
-    """Return the sign of the helix of every rotor: as given by ``hand`` or a negative helix angle, else such as meshes.
+def other(hand: str) -> str:
+    """Return the opposite hand."""
+    return HANDS[1 - HANDS.index(hand)]
 
-    mates: numbers of two gears in mesh, and 1 where their hands are equal, -1 where they are opposite. The first gear
-    of which nothing follows is right-handed. Raises TrainError for a right hand with a negative angle.
+
+def hands(rotors: Sequence[dict[str, Any]], mates: Sequence[tuple[int, int, bool]]) -> list[str]:
+    """Return the hand of every rotor: as given by ``hand`` or a negative helix angle, else such as meshes.
+
+    mates: numbers of two gears in mesh, and whether their hands are equal. The first gear of which nothing follows is
+    right-handed. Angles may be texts with a unit. Raises TrainError for a right hand with a negative angle.
     """
-    found: dict[int, int] = {}
+    found: dict[int, str] = {}
     for k, rotor in enumerate(rotors):
-        negative = bool(np.any(number(rotor, "helix_angle") < 0))
-        if negative and rotor.get("hand") == "right":
+        angle, hand = rotor.get("helix_angle"), rotor.get("hand")
+        negative = angle.strip().startswith("-") if isinstance(angle, str) else np.any(number(rotor, "helix_angle") < 0)
+        if negative and hand == "right":
             message = "is right, and the helix_angle is negative, that of a left-handed gear"
             raise TrainError(("rotors", k, "hand"), message, "remove one of the two, or change it")
-        if negative or rotor.get("hand") is not None:
-            found[k] = -1 if negative else HANDS[rotor["hand"]]
+        if negative or hand is not None:
+            found[k] = "left" if negative else str(hand)
     for k in range(len(rotors)):
         while spread := {
-            b: found[a] * sign
-            for one, two, sign in mates
+            b: found[a] if equal else other(found[a])
+            for one, two, equal in mates
             for a, b in ((one, two), (two, one))
             if a in found and b not in found
         }:
             found |= spread
-        found.setdefault(k, 1)
+        found.setdefault(k, "right")
     return [found[k] for k in range(len(rotors))]
 
 

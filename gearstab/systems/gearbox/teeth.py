@@ -30,7 +30,7 @@ from gearstab.waveforms.tooth import Piecewise, stacked
 Numbers = dict[tuple[str, str], float]
 
 OF_GEAR = {"module": None, "pressure_angle": None, "face_width": None, "profile_shift": 0.0, "addendum": 1.0,
-           "dedendum": 1.25, "bore_radius": None, "tip_shortening": 0.0, "helix_angle": 0.0}  # fmt: skip
+           "dedendum": 1.25, "bore_radius": None, "tip_shortening": 0.0}  # fmt: skip
 OF_MATERIAL = ("young", "poisson", "density")
 
 
@@ -50,6 +50,7 @@ class MeshTeeth:
         """Batch shape, and for each of its entries all numbers that matter, by name."""
         table: dict[tuple[str, str], Array] = {}
         for side, gear in zip(("driver", "driven"), self.gears, strict=True):
+            table[side, "helix_angle"] = number(gear, "helix_angle")
             for name, default in OF_GEAR.items():
                 if gear.get(name) is not None or default is not None:
                     table[side, name] = number(gear, name, default or 0.0)
@@ -80,6 +81,7 @@ class MeshTeeth:
                 teeth=int(gear["teeth"]),
                 internal=bool(gear.get("internal")),
                 **{name: numbers[side, name] for name in OF_GEAR if (side, name) in numbers},
+                helix_angle=abs(numbers[side, "helix_angle"]) * (-1 if gear.get("hand") == "left" else 1),
                 **material,
             )
             for side, gear in zip(("driver", "driven"), self.gears, strict=True)

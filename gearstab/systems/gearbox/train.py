@@ -45,20 +45,17 @@ class Train:
 
     @cached_property
     def rotors(self) -> list[dict[str, Any]]:
-        """Gears with what they share; helix angles of left-handed ones are negative."""
+        """Gears with what they share, and the hand of each where one is helical."""
         shared = {key: value for key, value in (self.p.get("gears") or {}).items() if value is not None}
         own = [{key: value for key, value in rotor.items() if value is not None} for rotor in self.p["rotors"]]
         found = [shared | rotor if rotors.is_gear(rotor) else rotor for rotor in own]
-        if not any(np.any(rotors.number(rotor, "helix_angle")) for rotor in found):
+        if all(rotor.get("helix_angle") is None for rotor in found):
             return found
         place = {rotor["name"]: k for k, rotor in enumerate(own)}
-        mates = [(place[item["sun"]], place[item["ring"]], -1) for item in self.p.get("planetary_sets") or []]
+        mates = [(place[item["sun"]], place[item["ring"]], False) for item in self.p.get("planetary_sets") or []]
         for one, two in ([place[name] for name in mesh["gears"]] for mesh in self.p.get("meshes") or []):
-            mates.append((one, two, 1 if own[one].get("internal") or own[two].get("internal") else -1))
-        return [
-            rotor | {"helix_angle": hand * np.abs(rotors.number(rotor, "helix_angle"))}
-            for rotor, hand in zip(found, rotors.hands(found, mates), strict=True)
-        ]
+            mates.append((one, two, bool(own[one].get("internal") or own[two].get("internal"))))
+        return [rotor | {"hand": hand} for rotor, hand in zip(found, rotors.hands(found, mates), strict=True)]
 
     @cached_property
     def place(self) -> dict[str, int]:

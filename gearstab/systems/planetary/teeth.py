@@ -23,8 +23,8 @@ from gearstab.systems.kinematics import TrainError
 from gearstab.systems.planetary.phasing import Turning
 
 BODIES = ("sun", "planet", "ring")
-HANDS = {"sun": 1, "planet": -1, "ring": -1}
-"""Signs of helix angles where the sun is right-handed."""
+HANDS = {"sun": "right", "planet": "left", "ring": "left"}
+"""One of two ways in which helical gears of a set mesh."""
 CUT = ("module", "pressure_angle", "helix_angle", "addendum", "profile_shift", "tip_radius")
 """Numbers of a gear on which profile shifts and tips depend."""
 
@@ -57,14 +57,15 @@ class SetTeeth:
         """Shifts and tips of one entry of the batch."""
         counts = {body: int(self.gears[body]["teeth"]) for body in BODIES}
         module, alpha = numbers["sun", "module"], numbers["sun", "pressure_angle"]
-        beta = numbers.get(("sun", "helix_angle"), 0.0)
+        beta = abs(numbers.get(("sun", "helix_angle"), 0.0))
         transverse = module / cos(beta)
         given = {body: numbers[body, "profile_shift"] for body in BODIES if (body, "profile_shift") in numbers}
         centre = numbers.get(("", "centre_distance"))
         if centre is None and {"sun", "planet"} <= given.keys():
-            first, second = (self.gears[b] | {"module": module, "pressure_angle": alpha, "profile_shift": given[b],
-                                              "helix_angle": beta * sign}
-                             for b, sign in (("sun", 1), ("planet", -1)))  # fmt: skip
+            cut = {"module": module, "pressure_angle": alpha, "helix_angle": beta}
+            first, second = (
+                self.gears[b] | cut | {"profile_shift": given[b], "hand": HANDS[b]} for b in ("sun", "planet")
+            )
             centre = MeshTeeth((first, second), {}, STEEL).pairs[0].centre
         elif centre is None:
             centre = halfway(transverse, counts["sun"], counts["ring"])
@@ -149,9 +150,8 @@ def with_teeth(p: dict[str, Any]) -> dict[str, Any]:
     if p.get("gears") is None:
         return p
     counts, tips, shifts = p["teeth"], *(p["teeth"].get(key) or {} for key in ("tip_radius", "profile_shift"))
-    helix = np.abs(rotors.number(p["gears"], "helix_angle"))
     gears = {
-        body: p["gears"] | {"teeth": counts[body], "internal": body == "ring", "helix_angle": hand * helix,
+        body: p["gears"] | {"teeth": counts[body], "internal": body == "ring", "hand": hand,
                             "tip_radius": tips.get(body), "profile_shift": shifts.get(body)}
         for body, hand in HANDS.items()
     }  # fmt: skip

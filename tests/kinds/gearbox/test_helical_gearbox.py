@@ -27,14 +27,17 @@ TEETH = {"waveform": {"kind": "tooth"}}
 TANGENT = tan(BETA) * cos(np.arctan(tan(ALPHA) / cos(BETA)))  # tan beta_b
 
 
-def pair(sense: str = "counter-clockwise", internal: int | None = None, hand: str = "right", **mesh: Any) -> dict:
+def pair(
+    sense: str = "counter-clockwise", internal: int | None = None, hand: str | None = "right", **mesh: Any
+) -> dict:
     """One pair between a motor and a machine; internal: which of both gears is."""
     teeth = [81, 24] if internal == 0 else [24, 81]
     rotors: list[dict[str, Any]] = [
         {"name": name, "teeth": z, "inertia": 0.01, "mass": 5.0, "support": dict(SUPPORT), "internal": internal == k}
         for k, (name, z) in enumerate(zip(("driver", "driven"), teeth, strict=True))
     ]
-    rotors[0]["hand"] = hand
+    if hand is not None:
+        rotors[0]["hand"] = hand
     return {
         "kind": "gearbox", "rotors": rotors,
         "gears": {"module": 0.003, "pressure_angle": "20 deg", "helix_angle": "20 deg", "face_width": 0.02},
@@ -64,7 +67,7 @@ def test_a_gear_that_screws_along_its_teeth_deflects_none(tmp_path, sense, inter
     (mesh,) = system.meshes
     for k, name in enumerate(("driver", "driven")):
         gear = train.rotors[k]
-        right = 1 if gear["helix_angle"] > 0 else -1
+        right = 1 if gear["hand"] == "right" else -1
         radius = 0.0015 / cos(BETA) * gear["teeth"]
         motion = np.zeros(system.size)
         motion[place[name]] = train.signs[name] * 0.01
@@ -76,7 +79,7 @@ def test_a_gear_that_screws_along_its_teeth_deflects_none(tmp_path, sense, inter
     assert mesh.direction @ both == pytest.approx(0, abs=1e-15)
     np.testing.assert_allclose(np.abs(mesh.direction[[place["driver.z"], place["driven.z"]]]), TANGENT, rtol=1e-12)
     hands = {("right", False): "left", ("left", False): "right"}.get((hand, internal is not None), hand)
-    assert (train.rotors[1]["helix_angle"] > 0) == (hands == "right")
+    assert train.rotors[1]["hand"] == hands
 
 
 @KINDS
@@ -155,6 +158,15 @@ def test_an_axis_of_the_helix_angle_passes_from_spur_to_helical(tmp_path) -> Non
         np.testing.assert_allclose(three.mean_stiffness_matrix()[k], single.mean_stiffness_matrix(), rtol=1e-12)
         found = three.meshes[0].waveform.value(x)[:, k]
         np.testing.assert_allclose(found, single.meshes[0].waveform.value(x[:, 0]), atol=1e-9)
+
+
+def test_speeds_of_the_input_are_mesh_frequencies_of_helical_gears_too(tmp_path) -> None:
+    """The helix angle is a text with a unit where the speed of an axis is converted."""
+    system = pair(hand=None)
+    system["rotors"][0]["helix_angle"] = "-20 deg"
+    text = as_text(system, sweep={"input_speed": ["600 rpm", "900 rpm"]}, methods={"floquet": {}})
+    axis = read(tmp_path, text).axes[0]
+    np.testing.assert_allclose(axis.mesh_frequency.values, 24 * np.array([600, 900]) * pi / 30, rtol=1e-14)
 
 
 # ---- planetary sets
