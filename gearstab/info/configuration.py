@@ -20,22 +20,21 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
     """All that ``info`` shows, as plain numbers, texts and lists; None where a number does not exist."""
     from gearstab.perturbation.second_order import SUPPORTS
     from gearstab.support import unsupported
-    from gearstab.systems import build, model_of
 
-    system = build(config.parameters)
+    system = config.system.build()
     asked = config.methods.perturbation
     theory = asked.order if asked and not unsupported(system, SUPPORTS) else 1
     order = harmonics or (asked.harmonics if asked else HARMONICS)
     sweep = {axis.name: axis.size for axis in config.axes}
-    orders = model_of(config.parameters).cycles_of_input(config.parameters)
+    orders = config.system.cycles_of_input(config.system)
     dangerous = danger.facts(config, system, order)
     nothing: dict[str, Any] = {"tongues": [], "existence_rule": None}
     return {
         "title": config.title,
         "kind": config.kind,
-        "formulation": config.parameters.get("formulation"),
+        "formulation": getattr(config.system, "formulation", None),
         "coordinates": list(system.coordinates),
-        "summary": model_of(config.parameters).summary(config.parameters),
+        "summary": config.system.summary(),
         "sweep": sweep,
         "frequency_range": _frequency_range(config),
         "unit": "" if "time" in system.dimensionless else "rad/s",

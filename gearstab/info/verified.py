@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gearstab.config import Config
+from gearstab.config.model.axes import replaced
 from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
@@ -19,7 +19,6 @@ from gearstab.modal import modal_damping_matrix, modal_damping_ratios
 from gearstab.perturbation.tongues import Tongue
 from gearstab.symmetry import natural_modes
 from gearstab.system import Array, GearSystem
-from gearstab.systems import build
 
 AFFORDABLE = 2e7
 """Multiplications of a monodromy matrix, segments times (2 n)^3, up to which regions are decided: a search takes some
@@ -204,9 +203,7 @@ class Trial:
 
     def phasing(self, mesh: int, key: str, value: float) -> float | None:
         """Return what another phase in the configuration leaves: the key of a mesh set to a value."""
-        p = deepcopy(self.config.parameters)
-        p["meshes"][mesh][key] = value
-        return self.left(build(p))
+        return self.left(replaced(self.config.system, ("meshes", mesh, key), value).build())
 
     def _with_meshes(self, change: Callable[[int, Any], Any]) -> GearSystem:
         return replace(self.system, meshes=tuple(change(i, mesh) for i, mesh in enumerate(self.system.meshes)))

@@ -11,7 +11,6 @@ from scenes import ROOT, problems, ran, read
 from test_planetary_sets import alone, as_text, in_a_train
 
 from gearstab.config import load
-from gearstab.config.model.axes import parameters_at
 from gearstab.info.train import facts
 from gearstab.modal import mean_modes
 from gearstab.response.linear.equilibrium import static_mesh_force
@@ -47,7 +46,7 @@ def pair(
 
 
 def built(system: dict[str, Any], tmp_path) -> GearSystem:
-    return build(read(tmp_path, as_text(system)).parameters)
+    return build(read(tmp_path, as_text(system)).system)
 
 
 KINDS = pytest.mark.parametrize(
@@ -62,7 +61,7 @@ def test_a_gear_that_screws_along_its_teeth_deflects_none(tmp_path, sense, inter
     """Turned by phi counter-clockwise, a right-handed screw advances by phi r/tan beta along z."""
     p = pair(sense, internal, hand)
     system = built(p, tmp_path)
-    train = Train(read(tmp_path, as_text(p)).parameters)
+    train = Train(read(tmp_path, as_text(p)).system)
     place = {name: k for k, name in enumerate(system.coordinates)}
     (mesh,) = system.meshes
     for k, name in enumerate(("driver", "driven")):
@@ -104,7 +103,7 @@ def test_supports_carry_the_thrust(tmp_path, sense, internal, hand) -> None:
 def told(system: dict[str, Any], tmp_path) -> list[dict[str, Any]]:
     """Facts of the meshes that ``info`` lists."""
     config = read(tmp_path, as_text(system))
-    found = facts(config, build(config.parameters))
+    found = facts(config, build(config.system))
     assert found is not None
     return found["meshes"]
 
@@ -114,7 +113,7 @@ def test_a_rectangular_wave_has_ramps_of_the_overlap_ratio_and_a_tooth_wave_is_t
     assert isinstance(mesh.waveform, Helical)
     (teeth,) = built(pair(waveform={"kind": "tooth"}), tmp_path).meshes
     assert isinstance(teeth.waveform, Tooth)
-    train = Train(read(tmp_path, as_text(pair())).parameters)
+    train = Train(read(tmp_path, as_text(pair())).system)
     (stiffness,) = train.teeth_of(0).stiffness
     overlap = float(train.teeth_of(0).pairs[0].overlap_ratio)
     assert mesh.waveform.ramp == pytest.approx(overlap)
@@ -149,7 +148,7 @@ def test_an_axis_of_the_helix_angle_passes_from_spur_to_helical(tmp_path) -> Non
     text = as_text(pair(waveform={"kind": "tooth"}), methods={"floquet": {}})
     text += "sweep:\n  mesh_frequency: [1000, 2000]\n  gears.helix_angle: [0 deg, 12 deg, 27.9 deg]\n"
     config = read(tmp_path, text)
-    three = build(parameters_at(config, {"gears.helix_angle": np.arange(3)}))
+    three = build(config.at({"gears.helix_angle": np.arange(3)}))
     x = np.linspace(0, 1, 40)[:, None]
     for k, beta in enumerate(("0 deg", "12 deg", "27.9 deg")):
         one = pair(waveform={"kind": "tooth"})
@@ -184,7 +183,7 @@ def helical_set(sense: str = "counter-clockwise") -> dict[str, Any]:
 def test_members_of_a_set_that_screw_along_their_teeth_deflect_none(tmp_path, sense) -> None:
     p = helical_set(sense)
     system = built(p, tmp_path)
-    train = Train(read(tmp_path, as_text(p)).parameters)
+    train = Train(read(tmp_path, as_text(p)).system)
     place = {name: k for k, name in enumerate(system.coordinates)}
     directions = np.stack([mesh.direction for mesh in system.meshes])
     signs = {"sun": 1, "ring": -1}
@@ -214,7 +213,7 @@ def test_a_helical_set_agrees_with_the_kind_planetary(tmp_path, meshes) -> None:
     train["gears"] = train["gears"] | {"helix_angle": "15 deg"}
     train["planetary_sets"][0]["meshes"] = meshes
     one, two = built(single, tmp_path), built(train, tmp_path)
-    teeth = {mesh.name.split(".")[1]: mesh.teeth for mesh in Train(read(tmp_path, as_text(train)).parameters).meshes}
+    teeth = {mesh.name.split(".")[1]: mesh.teeth for mesh in Train(read(tmp_path, as_text(train)).system).meshes}
     for left, right in zip(one.meshes, two.meshes, strict=True):
         np.testing.assert_allclose(left.mean_stiffness, right.mean_stiffness, rtol=1e-12)
         x = np.linspace(0, 1, 30)
@@ -230,7 +229,7 @@ def test_a_helical_set_agrees_with_the_kind_planetary(tmp_path, meshes) -> None:
 
 
 def test_a_helical_reducer_with_signed_helix_angles_is_built() -> None:
-    train = Train(load(CASES / "a1_helical.yaml").parameters)
+    train = Train(load(CASES / "a1_helical.yaml").system)
     pairs = [train.teeth_of(k).pairs[0] for k in (0, 1)]
     first = 0.028 * np.sin(radians(23)) / (pi * 0.00175)
     assert [one.overlap_ratio for one in pairs] == pytest.approx([first, 0.04 * np.sin(BETA) / (pi * 0.0025)])
