@@ -117,7 +117,8 @@ class Rotor(Teeth, Named):
     bore_radius: NonNegativeLength | None = Field(
         default=None,
         title="radius of the bore",
-        description="Of the body (m); without, the disc is solid and the teeth stand on a body of bore 0.4 root radii.",
+        description="Of the body (m); without, the disc is solid and the teeth stand on a body of bore 0.4 root radii. "
+        "Of an internal gear, where its rim is held outside; the rim is rigid without.",
     )
     support: Support | None = Field(
         default=None, title="lateral support", description="With it the rotor moves in its plane too."

@@ -86,9 +86,12 @@ def hands(rotors: Sequence[dict[str, Any]], mates: Sequence[tuple[int, int, bool
 
 
 def _disc(rotor: dict[str, Any], density: Array | float) -> tuple[Array, Array]:
-    """(mass, square of the sum of both radii squared) of a disc of the face width with a bore."""
+    """(mass, sum of both radii squared) of a disc of the face width with a bore, of an internal gear of its rim."""
     outer = number(rotor, "body_radius") if rotor.get("body_radius") is not None else pitch_radius(rotor)
     inner = number(rotor, "bore_radius")
+    if rotor.get("internal") and rotor.get("bore_radius") is not None:
+        outer = inner if rotor.get("body_radius") is None else outer
+        inner = pitch_radius(rotor)
     mass = np.pi * density * number(rotor, "face_width") * (outer**2 - inner**2)
     return mass, outer**2 + inner**2
 
