@@ -168,6 +168,22 @@ def test_speeds_of_the_input_are_mesh_frequencies_of_helical_gears_too(tmp_path)
     np.testing.assert_allclose(axis.mesh_frequency.values, 24 * np.array([600, 900]) * pi / 30, rtol=1e-14)
 
 
+def test_undercut_and_tips_that_collide_are_told_of_helical_teeth(tmp_path) -> None:
+    """Of 13 teeth at 20 degrees 13/cos^3(beta) = 15.7 count: less than 17.1."""
+    system = pair()
+    system["rotors"][0]["teeth"] = 13
+    (undercut,) = (n for n in told(system, tmp_path)[0]["notices"] if n["name"] == "undercut")
+    angle = np.arctan(tan(ALPHA) / cos(BETA))
+    assert undercut["limit"] == pytest.approx(
+        1.25 - 0.25 / (1 - np.sin(ALPHA)) * (1 - np.sin(angle)) - 6.5 / cos(BETA) * np.sin(angle) ** 2, rel=1e-12
+    )
+    assert undercut["text"].startswith("undercut, the profile shift is 0 and should be at least 0.1049")
+    close = pair(internal=1)
+    close["rotors"][0]["teeth"] = 74
+    found = {notice["name"]: notice["text"] for notice in told(close, tmp_path)[0]["notices"]}
+    assert "the tips collide" in found["trochoid_interference"]
+
+
 # ---- planetary sets
 
 
