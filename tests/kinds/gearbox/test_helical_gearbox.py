@@ -179,7 +179,7 @@ def test_undercut_and_tips_that_collide_are_told_of_helical_teeth(tmp_path) -> N
     )
     assert undercut["text"].startswith("undercut, the profile shift is 0 and should be at least 0.1049")
     close = pair(internal=1)
-    close["rotors"][0]["teeth"] = 74
+    close["rotors"][0]["teeth"] = 75
     found = {notice["name"]: notice["text"] for notice in told(close, tmp_path)[0]["notices"]}
     assert "the tips collide" in found["trochoid_interference"]
 
