@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import cos, pi, radians, tan
 from typing import Any
 
@@ -11,13 +12,14 @@ from scenes import ROOT, problems, ran, read
 from test_planetary_sets import alone, as_text, in_a_train
 
 from gearstab.config import load
+from gearstab.floquet import solve
 from gearstab.info.train import facts
 from gearstab.modal import mean_modes
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.gearbox.train import Train
-from gearstab.waveforms import Helical, Tooth
+from gearstab.waveforms import Helical, Rectangular, Tooth
 
 CASES = ROOT / "tests" / "cases"
 SUPPORT = {"stiffness": 3.0e8, "axial_stiffness": 2.0e8}
@@ -166,6 +168,30 @@ def test_speeds_of_the_input_are_mesh_frequencies_of_helical_gears_too(tmp_path)
     text = as_text(system, sweep={"input_speed": ["600 rpm", "900 rpm"]}, methods={"floquet": {}})
     axis = read(tmp_path, text).axes[0]
     np.testing.assert_allclose(axis.mesh_frequency.values, 24 * np.array([600, 900]) * pi / 30, rtol=1e-14)
+
+
+def test_growth_is_that_of_many_spur_meshes_side_by_side(tmp_path) -> None:
+    """Thin slices as meshes of their own, each with its lag: staircases in place of ramps, of an error of 1/n^2."""
+    p = pair()
+    p["gears"] = p["gears"] | {"helix_angle": "4 deg"}
+    system = built(p, tmp_path)
+    (mesh,) = system.meshes
+    lead = list(mean_modes(system).natural_frequency)
+    omega = np.concatenate([2 * w * np.linspace(0.98, 1.02, 9) for w in lead[-2:]])
+    growth = solve(system, omega).growth_rate
+    assert growth.max() > 100
+    errors = []
+    for n in (10, 40):
+        slices = tuple(
+            replace(
+                mesh, name=f"slice{k}", mean_stiffness=mesh.mean_stiffness / n,
+                waveform=Rectangular(mesh.waveform.contact_ratio), lag=float(mesh.waveform.ramp) * (k + 0.5) / n,
+            )
+            for k in range(n)
+        )  # fmt: skip
+        errors.append(np.max(np.abs(solve(replace(system, meshes=slices), omega).growth_rate - growth)))
+    assert errors[0] < 0.05 * growth.max()
+    assert errors[1] < errors[0] / 8
 
 
 def test_undercut_and_tips_that_collide_are_told_of_helical_teeth(tmp_path) -> None:
