@@ -134,7 +134,11 @@ def _mesh(train: Train, mesh: TrainMesh, force: float | None, speed: float | Non
         "centre_distance": pair.centre,
         "pressure_angle": math.degrees(pair.pressure_angle),
         "contact_ratio": pair.contact_ratio,
+        "overlap_ratio": pair.overlap_ratio,
+        "total_contact_ratio": pair.total_contact_ratio,
+        "helix_angle": abs(math.degrees(pair.pinion.helix_angle)),
         "force": force,
+        "axial_force": None if force is None else float(train.thrust(mesh)) * force,
         "velocity": None if speed is None else rolling * float(speed),
         "notices": [_notice(notice, parts) for notice in pair.notices],
     }
@@ -247,6 +251,7 @@ def teeth(found: dict[str, Any]) -> str:
     """The teeth of all meshes, and what a designer should know of them."""
     header = ["mesh", "driver", "driven", "teeth", "centre distance (mm)", "pressure angle (deg)", "contact ratio"]
     header += ["static force (N)", "velocity (m/s)"]
+    helical = [m for m in _different(found) if m["helix_angle"]]
     rows = [
         [m["name"], *m["gears"], "/".join(map(str, m["teeth"])), f"{1e3 * m['centre_distance']:.4f}",
          f"{m['pressure_angle']:.4f}", f"{m['contact_ratio']:.4f}",
@@ -254,6 +259,14 @@ def teeth(found: dict[str, Any]) -> str:
         for m in _different(found)
     ]  # fmt: skip
     lines = [table(header, rows)]
+    for m in helical:
+        text = f"mesh {m['name']}: helical, {m['helix_angle']:.6g} deg; total contact ratio "
+        text += f"{m['total_contact_ratio']:.4f} = {m['contact_ratio']:.4f} + overlap ratio {m['overlap_ratio']:.4f}"
+        if m["axial_force"] is not None:
+            text += (
+                f"; axial force {m['axial_force']:.1f} N along z on {m['gears'][0]}, the opposite on {m['gears'][1]}"
+            )
+        lines.append(text)
     for item in found["sets"]:
         lines.append(_told(item))
     for m in _different(found):

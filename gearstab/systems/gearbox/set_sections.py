@@ -91,7 +91,7 @@ class SetMesh(ToothMesh):
     single_pair_stiffness: Stiffness | None = Field(
         default=None,
         title="measured stiffness of a pair",
-        description="In contact at the pitch point (N/m); the ring's teeth are not computed and need it.",
+        description="In contact at the pitch point (N/m); all along the path of the ring's teeth.",
     )
     variation: NonNegative | None = Field(
         default=None, title="measured variation", description="(max k - min k)/mean k of the mesh stiffness (1)."

@@ -27,7 +27,7 @@ class PlanetaryMesh(ToothMesh):
     single_pair_stiffness: Stiffness | None = Field(
         default=None,
         title="measured stiffness of a pair",
-        description="With gears: in contact at the pitch point (N/m); the ring's teeth are not computed and need it.",
+        description="With gears: in contact at the pitch point (N/m); all along the path of the ring's teeth.",
     )
     double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = Field(
         default=None,
