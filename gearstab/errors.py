@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-FAILED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
-"""Exit codes: a run failed, the input is wrong, the run was interrupted."""
+FAILED, WRONG_INPUT, CONDITION_MET, INTERRUPTED = 1, 2, 3, 130
+"""Exit codes: a run failed, the input is wrong, a condition of ``--fail-if`` is met, the run was interrupted."""
 
 
 class UserError(Exception):

@@ -13,7 +13,7 @@ import click
 
 from gearstab.cli.terminal.console import tell
 from gearstab.errors import INTERRUPTED
-from gearstab.version import __version__
+from gearstab.version import full_version
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """The environment variables that say how many threads a BLAS library starts."""
@@ -23,6 +23,7 @@ COMMANDS = {
     "sweep": ("gearstab.cli.sweep.command:command", "Compute stability over the grid of a configuration."),
     "plot": ("gearstab.cli.plot:command", "Draw a figure from a result file."),
     "info": ("gearstab.cli.info:command", "Show modes and tongues, or what a result holds."),
+    "diff": ("gearstab.cli.diff:command", "Compare two results."),
     "check": ("gearstab.cli.check:command", "Validate a configuration; list every mistake."),
     "respond": ("gearstab.cli.respond:command", "Compute a time response."),
     "design": ("gearstab.cli.design:command", "Find a design without instability."),
@@ -30,7 +31,7 @@ COMMANDS = {
     "verify": ("gearstab.cli.verify:command", "Prove the certificates of a result again."),
     "bench": ("gearstab.cli.bench:command", "Compare speed and error of the methods."),
     "export": ("gearstab.cli.export:command", "Write a result file as tidy CSV."),
-    "schema": ("gearstab.cli.schema:command", "Print the JSON schema of configurations."),
+    "schema": ("gearstab.cli.init:schema", "Print the JSON schema of configurations."),
 }
 """Command -> where it is, and what it does."""
 
@@ -82,13 +83,13 @@ class LazyGroup(click.Group):
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="gearstab")
+@click.version_option(full_version(), prog_name="gearstab")
 def group() -> None:
     """Stability maps of gear systems with periodic mesh stiffness."""
 
 
 def main(args: Sequence[str] | None = None) -> NoReturn:
-    """Run a command and exit: 0 done, 1 a run failed, 2 the input is wrong, 130 interrupted."""
+    """Run a command and exit: 0 done, 1 a run failed, 2 the input is wrong, 3 a condition met, 130 interrupted."""
     # Commands run threads and processes of their own on many small matrices. Threads of BLAS only get in their way: on
     # a busy machine they were seen to take 200 times as long. Read when NumPy is imported; the user's choice stands.
     for variable in BLAS_THREADS:

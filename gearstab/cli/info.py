@@ -33,7 +33,7 @@ def command(
     if result.is_result(config):
         if overrides or harmonics:
             raise click.UsageError(f"{config} is a result, which --set and --harmonics do not change")
-        known = result.describe(config, unit)
+        known = result.describe(config, unit, as_json)
         say(json.dumps(known, indent=2, allow_nan=False) if as_json else result.report(known))
         return
     from gearstab.config import load

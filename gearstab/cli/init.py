@@ -1,4 +1,4 @@
-"""``gearstab init``: a configuration to start from."""
+"""``gearstab init`` and ``gearstab schema``: a configuration to start from, and what it may hold."""
 
 from __future__ import annotations
 
@@ -36,3 +36,13 @@ def command(kind: str | None) -> None:
         say("\n".join(f"{name:<{width}}  {start.title}" for name, start in there.items()))
     else:
         say(commented(kind))
+
+
+@click.command(name="schema", short_help="Print the JSON schema of the configuration.")
+def schema() -> None:
+    """Print the JSON schema of the configuration, for completion and checks in an editor."""
+    import json
+
+    from gearstab.config.schema import schema as of_configurations
+
+    say(json.dumps(of_configurations(), indent=2, ensure_ascii=False))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearstab.info.jumps import jumps, text
+from gearstab.info.outcome import outcome
 from gearstab.info.tables import columns
 
 if TYPE_CHECKING:
@@ -34,10 +35,11 @@ def is_result(path: Path) -> bool:
         return False
 
 
-def describe(path: Path, unit: Sequence[str] = ()) -> dict[str, Any]:
+def describe(path: Path, unit: Sequence[str] = (), judged: bool = False) -> dict[str, Any]:
     """Return all that is shown, as plain numbers, texts and lists.
 
-    unit: see :func:`gearstab.results.display.in_display_units`. Raises ResultError.
+    unit: see :func:`gearstab.results.display.in_display_units`. judged: whether to say what came out, for which the
+    values of a sweep are read. Raises ResultError.
     """
     from gearstab.results.display import in_display_units
     from gearstab.results.read import attributes, is_sealed, reading
@@ -49,6 +51,7 @@ def describe(path: Path, unit: Sequence[str] = ()) -> dict[str, Any]:
             "provenance": {name: root[name] for name, _ in PROVENANCE if name in root},
             "unchanged": bool(is_sealed(path)),
             "certificates": _certificates(stored),
+            "outcome": outcome(stored) if judged and root["command"] == "sweep" else None,
             "axes": _coordinates(tree.to_dataset()),
             "groups": [_group(str(name), node.to_dataset(inherit=False)) for name, node in tree.children.items()],
         } | ({"jumps": jumps(tree)} if "branches" in tree.children else {})

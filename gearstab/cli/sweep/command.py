@@ -11,9 +11,11 @@ import click
 from gearstab.cli.terminal import options
 from gearstab.cli.terminal.console import say, tell
 from gearstab.cli.terminal.errors import warn
+from gearstab.errors import CONDITION_MET
 
 if TYPE_CHECKING:
     from gearstab.config import Axis
+    from gearstab.info.outcome import Condition
     from gearstab.sweep import Plan, Reporter, Summary
     from gearstab.sweep.effort.estimate import Estimate
 
@@ -38,6 +40,15 @@ if TYPE_CHECKING:
     help="Compute with the workers of a Dask scheduler, or of a new one.",
 )
 @click.option("--dry-run", is_flag=True, help="Print size, time, memory and file size; compute and write nothing.")
+@click.option("--json", "as_json", is_flag=True, help="Print the outcome as JSON; docs/files.md describes it.")
+@click.option(
+    "--fail-if",
+    "limits_of",
+    multiple=True,
+    metavar="CONDITION",
+    help="Exit with 3 where the outcome meets it: 'unstable', 'unstable > 0.1', 'growth > 0.05', 'flagged', 'failed', "
+    "'regions'; repeatable.",
+)
 @click.option("--yes", is_flag=True, help="Begin a sweep of very many points, hours or gigabytes, too.")
 @options.quiet
 def command(
@@ -50,18 +61,26 @@ def command(
     keep_going: bool | None,
     scheduler: str | None,
     dry_run: bool,
+    as_json: bool,
+    limits_of: tuple[str, ...],
     yes: bool,
     quiet: bool,
 ) -> None:
-    """Compute stability over the grid of CONFIG with all its methods."""
+    """Compute stability over the grid of CONFIG with all its methods.
+
+    Exit code 3: the result is written, and a condition of --fail-if is met.
+    """
     start = time.perf_counter()
     target = output or Path("results") / f"{config.stem}.h5"
     from gearstab.config import load
+    from gearstab.info import outcome
     from gearstab.results.guard import SWEEP, result_of
     from gearstab.sweep import MOST_FAILURES, plan, run
 
+    conditions = [outcome.condition(text) for text in limits_of]
     result_of(SWEEP).refuse(target, config)
     planned = plan(load(config, overrides, needs=("sweep", "methods")))
+    outcome.refuse(config, conditions, [own.name for layout in planned.layouts for own in layout.method.variables()])
     if not quiet:
         warn(planned.config)
         for note in notes(planned):
@@ -89,6 +108,26 @@ def command(
             tell(f"certificates: {part} of the mesh frequencies; gearstab verify proves them")
         for note in [] if summary.complete else remarks.notes(planned, summary):
             tell(f"note: {note}")
+    if as_json or conditions:
+        judge(target, conditions, as_json)
+
+
+def judge(target: Path, conditions: list[Condition], as_json: bool) -> None:
+    """Print the outcome of a result if asked for, and exit with CONDITION_MET if it meets one of the conditions."""
+    import json
+
+    from gearstab.info import outcome
+    from gearstab.results.read import reading
+
+    with reading(target) as tree:
+        found = outcome.outcome(tree)
+    if as_json:
+        say(json.dumps({"result": str(target), **found}, indent=2, allow_nan=False))
+    lines = outcome.judged(target, conditions, found)
+    for line in lines:
+        tell(line)
+    if lines:
+        raise click.exceptions.Exit(CONDITION_MET)
 
 
 def grown(plan: Plan, old: Path, told: Reporter) -> Plan:

@@ -24,7 +24,7 @@ from gearstab.systems.gearbox.train import Train
 from gearstab.systems.kinematics import TrainError, Where
 
 
-def build(p: dict[str, Any]) -> GearSystem:
+def build(p: Any) -> GearSystem:
     """The gear system of a train; raises TrainError where its parts do not fit together.
 
     Source: Kuria & Kihiu 2008, section III (Lagrange's equations of 13 rotations and 20 displacements).
@@ -99,11 +99,11 @@ def _damped(train: Train, found: MeshElement, mass: Array) -> MeshElement:
     return replace(found, p=p | {"damping": drag if np.any(drag) else None})
 
 
-def _filled(train: Train, k: int) -> dict[str, Any]:
+def _filled(train: Train, k: int) -> Any:
     """The parameters of a mesh with what its teeth give."""
     p = train.p["meshes"][k]
     if not from_teeth(p):
-        return dict(p)
+        return p
     try:
         return train.teeth_of(k).filled()
     except NotPossible as error:
@@ -156,7 +156,7 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
     return replace(system, terms=(*system.terms, *terms), forces=(*system.forces, *pushes))
 
 
-def shaft_stiffness(train: Train, shaft: dict[str, Any]) -> Array:
+def shaft_stiffness(train: Train, shaft: Any) -> Array:
     """k as given, or G pi (d^4 - d_i^4)/(32 l) of a round shaft, N m/rad."""
     if shaft.get("stiffness") is not None:
         return rotors.number(shaft, "stiffness")
