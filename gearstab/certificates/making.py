@@ -106,15 +106,15 @@ class Maker:
 
     def _monodromy(self, omega: Array) -> Array:
         """``(P, m, m)``, at each omega ``(P,)``."""
-        times = self.fractions * (2 * np.pi * self.flow.cycles / omega)[:, None]
-        if self.spectra is None:
-            flows = expm(self.generators[self.states] * times[..., None, None])
-        else:
-            values, vectors, back = (part[self.states] for part in self.spectra)
-            flows = ((vectors * np.exp(values * times[..., None])[..., None, :]) @ back).real
-        found = flows[:, 0]
-        for s in range(1, flows.shape[1]):
-            found = flows[:, s] @ found
+        found = np.broadcast_to(np.eye(self.mean.shape[0]), (len(omega), *self.mean.shape))
+        for state, f in zip(self.states, self.fractions, strict=True):
+            times = f * 2 * np.pi * self.flow.cycles / omega
+            if self.spectra is None:
+                own = expm(self.generators[state] * times[:, None, None])
+            else:
+                values, vectors, back = (part[state] for part in self.spectra)
+                own = ((vectors * np.exp(values * times[:, None])[:, None, :]) @ back).real
+            found = own @ found
         return found
 
     def proposal(self, low: float, high: float) -> Certificate | None:
@@ -125,9 +125,10 @@ class Maker:
         if not np.isfinite(monodromy).all():
             return None
         values, vectors = np.linalg.eig(monodromy)
-        if np.abs(values).max() < 1 and np.linalg.cond(vectors) * np.abs(values).min() * WIDE < np.abs(values).max():
+        if np.abs(values).max() < 1 and np.linalg.cond(vectors) * np.abs(values).min() * WIDE <= np.abs(values).max():
             values, vectors = np.linalg.eig(self.mean)
-            values = np.exp(values - values.real.max() - 1)
+            # Of rates what orders and pairs them: multipliers themselves may be below all doubles.
+            values = np.exp(values.real / np.abs(values.real).max() - 2 + 1j * np.sign(values.imag))
         order = np.argsort(-np.abs(values), kind="stable")
         values, vectors = values[order], vectors[:, order]
         pairs = values.imag > REAL * np.abs(values)

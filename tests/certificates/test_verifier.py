@@ -235,6 +235,27 @@ def test_a_long_period_in_which_much_decays_is_proved() -> None:
     assert not proves(known, replace(piece, outside=1))
 
 
+def test_a_common_period_of_thousands_of_segments_is_proved() -> None:
+    """Lin & Parker's train with 997 cycles of one mesh and 1009 of the other, 4010 segments, by 1.6 % of speed."""
+    marks = np.array([(k + part) / cycles for cycles in (997, 1009) for k in range(cycles) for part in (0.0, 0.5)])
+    edges = np.append(np.unique(marks), 1.0)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    levels = [np.where(middles * cycles % 1.0 < 0.5, 1.2, 0.8) for cycles in (997, 1009)]
+    g = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, 1.0]])
+    stiffness = [
+        np.diag([0.5, 0.0, 0.0]) + g.T @ np.diag(k) @ g for k in ((1.2, 1.2), (1.2, 0.8), (0.8, 1.2), (0.8, 0.8))
+    ]
+    base = segments(stiffness, [0.25] * 4, 0.03 * (np.diag([0.5, 0.0, 0.0]) + g.T @ g), np.diag([1.0, 0.3, 4.0]))
+    states = (2 * (levels[0] < 1) + (levels[1] < 1)).tolist()
+    known = flow(replace(base, states=states, fractions=np.diff(edges).tolist(), cycles=997.0))
+    assert len(known.states) > 4000
+    (piece,) = Maker(known, 1e-4).cover(2.5, 2.51)
+    assert (piece.low, piece.high, piece.outside) == (2.5, 2.51, 0)
+    for omega in (2.5, 2.51):
+        assert multipliers(known, omega)[0] < 1
+    assert not proves(known, replace(piece, outside=1))
+
+
 def test_a_piece_without_end_is_refused_at_once() -> None:
     known, pieces = covered("train")
     assert not proves(known, replace(pieces[0], low=1e-300))
