@@ -59,21 +59,26 @@ class Maker:
         edges: whether its ends are edges between stable and unstable.
         """
         at, stop = low * (1 + edges[0] * self.floor), high * (1 - edges[1] * self.floor)
-        distance = self.floor if edges[0] else FIRST
+        distance, trust = self.floor if edges[0] else FIRST, len(REACH)
         while at < stop:
-            piece = self._reaching(at, stop, distance)
+            piece = self._reaching(at, stop, distance, trust)
             if piece is not None and proves(self.flow, piece):
                 yield piece
+                trust = min(trust + 1, len(REACH))
                 at, distance = piece.high, max(LONGER * (piece.high / piece.low - 1), SHORTER * self.floor)
+            elif piece is not None and trust > 1:
+                trust //= 2
             elif distance > SHORTER * self.floor:
                 distance *= SHORTER
             else:
                 at, distance = at * (1 + self.floor), self.floor
 
-    def _reaching(self, low: float, stop: float, distance: float) -> Certificate | None:
-        """A piece from ``low`` to as far as what its coordinates, taken at a distance, prove."""
+    def _reaching(self, low: float, stop: float, distance: float, trust: int) -> Certificate | None:
+        """A piece from ``low`` to as far as what its coordinates, taken at a distance, prove; trust: how many of REACH
+        are asked.
+        """
         middle = min(low * (1 + distance), np.sqrt(low * stop))
-        ends = np.minimum(middle + (middle - low) * REACH, stop)
+        ends = np.minimum(middle + (middle - low) * REACH[:trust], stop)
         phi = self._monodromy(np.array([middle, low, *ends]))
         found = self._claim(phi[0], low, middle)
         if found is None:
