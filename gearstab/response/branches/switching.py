@@ -14,17 +14,15 @@ Source: Seydel 2010, chapter 5; Golubitsky, Stewart & Schaeffer 1988, chapter XI
 from __future__ import annotations
 
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from scipy.linalg import qr
 
-from gearstab.response.branches.continuation import BRANCHING, DOUBLING, FOLD, Curve, Point
+from gearstab.response.branches.continuation import BRANCHING, DOUBLING, FOLD, Curve, Point, StepLimits
 from gearstab.response.branches.motions import GRAZING, Branch, BranchMotion
+from gearstab.response.branches.sections import SectionMap
 from gearstab.system import Array
-
-if TYPE_CHECKING:
-    from gearstab.response.branches.solve import BranchSearch
 
 UNDISTURBED = 1e-10
 """Residual of a linear motion, relative to its amplitude."""
@@ -42,7 +40,26 @@ LEFT = {DOUBLING: "doubling", BRANCHING: "branch_point", FOLD: "branch_point"}
 """How the branch begins that leaves there."""
 
 
-def leaving(search: BranchSearch, parent: int) -> None:
+class Followed(Protocol):
+    """What a search of branches knows, and does for those that leave others."""
+
+    laps: SectionMap
+    limits: StepLimits
+    found: list[Branch]
+    unit: float
+    span: float
+
+    def curve(self, periods: int) -> Curve: ...
+    def room(self) -> bool: ...
+    def place(self, point: Point, periods: int) -> tuple[int, int] | None: ...
+    def motion(self, point: Point) -> BranchMotion: ...
+    def add(self, branch: Branch) -> None: ...
+    def one_way(
+        self, start: Point, along: Array, periods: int, known: int, most: int | None = None
+    ) -> tuple[list[BranchMotion], str]: ...
+
+
+def leaving(search: Followed, parent: int) -> None:
     """Follow all branches that leave a known one, and add them to the search."""
     branch = search.found[parent]
     for number, motion in enumerate(branch.motions):
@@ -57,7 +74,7 @@ def leaving(search: BranchSearch, parent: int) -> None:
                 search.add(found)
 
 
-def _normals(search: BranchSearch, branch: Branch, number: int) -> list[Array]:
+def _normals(search: Followed, branch: Branch, number: int) -> list[Array]:
     """``(m + 1,)``, of unit length, in units of the curve: across what planes branches leave a motion."""
     motion = branch.motions[number]
     assert motion.vector is not None
@@ -74,7 +91,7 @@ def _normals(search: BranchSearch, branch: Branch, number: int) -> list[Array]:
 
 
 def _left(
-    search: BranchSearch, motion: BranchMotion, normal: Array, periods: int, leaves: tuple[int, int]
+    search: Followed, motion: BranchMotion, normal: Array, periods: int, leaves: tuple[int, int]
 ) -> Branch | None:
     """The branch through the plane across ``normal``; None where it is known, or not found."""
     curve, first = search.curve(periods), []
@@ -97,7 +114,7 @@ def _left(
     return Branch((*first, search.motion(start), *motions), periods, (LEFT[motion.kind], end), *leaves)
 
 
-def _alike(search: BranchSearch, motion: BranchMotion, other: Branch) -> bool:
+def _alike(search: Followed, motion: BranchMotion, other: Branch) -> bool:
     """Whether a symmetry takes a motion into one of a branch."""
     own = _signature(motion, search.unit)
     for _, guess, _ in other.between(motion.parameter):
