@@ -37,10 +37,11 @@ def coordinates(propagators: Sequence[Array], fractions: Sequence[float], signs:
 def _swept(propagators: Sequence[Array], fractions: Sequence[float], whole: Array) -> list[Array]:
     """X_s = P_s^(-1/2), P_s = e^(2 b f_s) F_s^T P_(s+1) F_s + f_s W, F_s of the segment.
 
-    b: half the slowest decay in a period; W: twice the decay of each coordinate, less b.
+    b: half the slowest decay in a period; W: twice the decay of each coordinate, which is the slowest at least, less b.
     """
     decay = -np.sum([np.log(np.abs(np.diag(flow))) for flow in propagators], axis=0)
-    slow = 0.5 * min(decay.min(), -np.log(np.abs(np.linalg.eigvals(whole)).max()))
+    slow = -0.5 * np.log(np.maximum(np.abs(np.linalg.eigvals(whole)).max(), np.finfo(float).tiny))
+    decay = np.maximum(decay, 2 * slow)
 
     def swept(form: Array) -> list[Array]:
         forms = [form]
