@@ -315,7 +315,7 @@ def text(found: dict[str, Any], unstable: bool = False) -> str:
     within = "" if found["range"] is None else " from {:.6g} to {:.6g}".format(*found["range"])
     where = f"{found['axis']}{within} {unit}".strip()
     if found["refused"]:
-        return f"Dangerous speeds: {where}: not listed, as first-order theory {found['refused']}; sweep floquet."
+        return f"Dangerous speeds: {where}: not listed, as first-order theory {found['refused']}; sweep boundaries."
     lines = [f"Dangerous speeds: {where} ({_how(found)})", ""]
     if unstable:
         lines.append("The mean system grows by itself, see above: remedies of parametric instability are not tried.")

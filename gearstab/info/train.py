@@ -134,7 +134,11 @@ def _mesh(train: Train, mesh: TrainMesh, force: float | None, speed: float | Non
         "centre_distance": pair.centre,
         "pressure_angle": math.degrees(pair.pressure_angle),
         "contact_ratio": pair.contact_ratio,
+        "overlap_ratio": pair.overlap_ratio,
+        "total_contact_ratio": pair.total_contact_ratio,
+        "helix_angle": abs(math.degrees(pair.pinion.helix_angle)),
         "force": force,
+        "axial_force": None if force is None else float(train.thrust(mesh)) * force,
         "velocity": None if speed is None else rolling * float(speed),
         "relief": _relief(mesh),
         "notices": [_notice(notice, parts) for notice in pair.notices],
@@ -267,6 +271,7 @@ def teeth(found: dict[str, Any]) -> str:
     """The teeth of all meshes, and what a designer should know of them."""
     header = ["mesh", "driver", "driven", "teeth", "centre distance (mm)", "pressure angle (deg)", "contact ratio"]
     header += ["static force (N)", "velocity (m/s)"]
+    helical = [m for m in _different(found) if m["helix_angle"]]
     rows = [
         [m["name"], *m["gears"], "/".join(map(str, m["teeth"])), f"{1e3 * m['centre_distance']:.4f}",
          f"{m['pressure_angle']:.4f}", f"{m['contact_ratio']:.4f}",
@@ -274,6 +279,14 @@ def teeth(found: dict[str, Any]) -> str:
         for m in _different(found)
     ]  # fmt: skip
     lines = [table(header, rows)]
+    for m in helical:
+        text = f"mesh {m['name']}: helical, {m['helix_angle']:.6g} deg; total contact ratio "
+        text += f"{m['total_contact_ratio']:.4f} = {m['contact_ratio']:.4f} + overlap ratio {m['overlap_ratio']:.4f}"
+        if m["axial_force"] is not None:
+            text += (
+                f"; axial force {m['axial_force']:.1f} N along z on {m['gears'][0]}, the opposite on {m['gears'][1]}"
+            )
+        lines.append(text)
     for item in found["sets"]:
         lines.append(_told(item))
     lines += [_loaded(m) for m in _different(found) if m["relief"] is not None]
@@ -324,9 +337,9 @@ def modes(facts: dict[str, Any]) -> str:
     header += [f"energy {name}" for name in names]
     rows = []
     for mode, share in zip(facts["modes"], facts["train"]["energy_share"], strict=True):
-        damping, frequency = mode["damping_ratio"], mode["natural_frequency"]
+        ratio, frequency = mode["damping_ratio"], mode["natural_frequency"]
         row = [str(mode["mode"]), f"{frequency:.6g}", *([f"{frequency * hertz:.5g}"] if hertz else []), mode["type"]]
-        row.append("-" if damping is None else f"{damping:.4g}" if not isinstance(damping, str) else damping)
+        row.append("-" if ratio is None else f"{ratio:.4g}" if not isinstance(ratio, str) else ratio)
         shares = [*(mode["mesh_energy_share"][name] for name in names), share["shafts"], share["supports"]]
         rows.append(row + ["-" if part is None else f"{100 * part:.1f} %" for part in shares])
     return table([*header, "shafts", "supports"], rows)

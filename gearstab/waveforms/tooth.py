@@ -215,7 +215,7 @@ class Tooth(OfStiffness):
 
     Phase 0 is the entry of a pair of teeth. A constant stiffness has w = 0.
 
-    contact_ratio: of the teeth, where they are known; None for another periodic stiffness.
+    contact_ratio: of the teeth, in all, where they are known; None for another periodic stiffness.
     """
 
     said: ClassVar[str] = "computed from the teeth of a gearbox"

@@ -89,12 +89,12 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     from dataclasses import replace
 
     from gearstab.design.reasons.tongues import single
-    from gearstab.methods.boundaries import BoundaryAnalysis
     from gearstab.support import unsupported
+    from gearstab.system import Feature
 
     if solution is None:
         system = config.system.build()
-        if refused := unsupported(system, BoundaryAnalysis.supports):
+        if refused := unsupported(system, {Feature.PERIODIC_TERMS}):
             raise NotPossible(f"a report {refused[0]}", refused[1])
         spans = _spans(config)
         return [facts.state_of("given", system, spans, config, facts.curve_speeds(spans))]

@@ -200,12 +200,13 @@ def _certified(config: Config, system: GearSystem, found: Boundaries) -> str:
     if config.methods.boundaries is None or not config.methods.boundaries.certificate:
         return ""
     from gearstab.certificates.covering import certificates
-    from gearstab.certificates.shares import said, union_length
+    from gearstab.certificates.shares import around_edges, said, union_length
 
-    (pieces,) = certificates(system, *found.limits, [found.edges_of(0)])
-    start, stop = found.limits
-    covered, widest = union_length(np.array([(piece.low, piece.high) for piece in pieces]), start, stop)
-    return said(np.array([covered / (stop - start)]), np.array([widest]))
+    (start, stop), edges = found.limits, found.edges_of(0)
+    (pieces,) = certificates(system, start, stop, [edges])
+    ends = np.array([(piece.low, piece.high) for piece in pieces]).reshape(-1, 2)
+    covered, widest = union_length(ends, start, stop)
+    return said(np.array([covered / (stop - start)]), np.array([widest]), around_edges(edges, ends, start, stop))
 
 
 def _touches(lower: float, upper: float, spans: Sequence[Span]) -> bool:

@@ -6,9 +6,8 @@ CARRIER = "planets on a turning carrier belong to planetary_sets of kind: gearbo
 INSTEAD_OF_CARRIER = "give planetary_sets: [{name, sun, ring, carrier, held, planets: {count, teeth}}] in a gearbox"
 
 HELICAL = (
-    "helical teeth are not modelled yet: all gears are spur gears",
-    "give module and pressure angle of the transverse section, and each mesh its mean_stiffness, epsilon and "
-    "contact_ratio",
+    "helical teeth belong to gears, whose numbers of teeth and modules are known",
+    "give helix_angle, and hand: right or left, to gears or rotors of kind: gearbox, or to gears of kind: planetary",
 )
 BEVEL = ("bevel, hypoid and worm gears are not modelled: axes are parallel", "take kind: matrices")
 MODIFIED = (

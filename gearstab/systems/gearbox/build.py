@@ -70,15 +70,15 @@ def _turning(train: Train, rows: TrainSetRows) -> Rotation:
     members = {}
     for member in MEMBERS:
         rotor = train.place[rows.item.p[member]]
-        if rotor in train.masses:
+        if rotor in train.supported:
             members[member] = (train.masses[rotor], _drag(train, rotor))
     return rows.turning(members, train.driving * train.speeds[rows.item.p["carrier"]] / train.cycles)
 
 
-def _drag(train: Train, rotor: int) -> Array:
-    """The damping of a lateral support, 2 zeta sqrt(k m)."""
+def _drag(train: Train, rotor: int, key: str = "stiffness") -> Array:
+    """The damping of a lateral or an axial support, 2 zeta sqrt(k m)."""
     support = train.rotors[rotor]["support"]
-    k = rotors.number(support, "stiffness")
+    k = rotors.number(support, key)
     return train.damping_factor * 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.masses[rotor])
 
 
@@ -116,7 +116,7 @@ def _damped(train: Train, found: MeshElement, mass: Array) -> MeshElement:
 def _filled(train: Train, k: int) -> Any:
     """The parameters of a mesh with what its teeth give."""
     p = train.p["meshes"][k]
-    if not from_teeth(p):
+    if not from_teeth(p) and not train.teeth_of(k).helical:
         return p
     try:
         return train.teeth_of(k).filled()
@@ -130,13 +130,18 @@ def _filled(train: Train, k: int) -> Any:
 def mesh_element(train: Train, k: int) -> MeshElement:
     """Return the mesh of a pair; its lag is a fraction of its own period.
 
-    Its deflection is R_b1 theta_1 - R_b2 theta_2 + n . (u_1 - u_2), with the force n of the driver on the driven gear;
-    m_e = J_1 J_2/(R_b1^2 J_2 + R_b2^2 J_1).
+    Its deflection is R_b1 theta_1 - R_b2 theta_2 + n . (u_1 - u_2) - t (z_1 - z_2), with the force n of the driver on
+    the driven gear and t = tan beta_b where a right-handed driver turns counter-clockwise or a left-handed one
+    clockwise, else -tan beta_b; m_e = J_1 J_2/(R_b1^2 J_2 + R_b2^2 J_1).
     """
     gears, p, push = train.pairs[k], _filled(train, k), train.push(k)
     r1, r2 = (rotors.base_radius(train.rotors[gear]) for gear in gears)
     turned: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2}
-    row = total(turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])))
+    lead = train.sense(k) * train.teeth_of(k).lead
+    row = total(
+        turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])),
+        train.slide(gears[0], -lead), train.slide(gears[1], lead),
+    )  # fmt: skip
     found = MeshElement(
         p, row, train.frequency_ratio(train.motions[k]), rotors.number(p, "lag") + train.teeth_of(k).start
     )
@@ -200,11 +205,12 @@ def _bodies(train: Train) -> Iterator[Element]:
 
 
 def _supports(train: Train) -> Iterator[Element]:
-    """Yield mass and support of every rotor that moves in its plane, and torsional supports."""
+    """Yield mass and support of every rotor that moves in its plane or along its axis, and torsional supports."""
     for rotor, mass in train.masses.items():
-        k = rotors.number(train.rotors[rotor]["support"], "stiffness")
+        k, axial = (rotors.number(train.rotors[rotor]["support"], key) for key in ("stiffness", "axial_stiffness"))
         for along in ((1.0, 0.0), (0.0, 1.0)):
             yield Element(train.shift(rotor, along), mass, k, _drag(train, rotor))
+        yield Element(train.slide(rotor, 1.0), mass, axial, _drag(train, rotor, "axial_stiffness"))
     for rotor, p in enumerate(train.rotors):
         support = p.get("support") or {}
         k = rotors.number(support, "torsional_stiffness")

@@ -128,7 +128,7 @@ NOTICE_FLAGS = {
 }  # fmt: skip
 """Bits by the names of :class:`gearstab.gears.Notice`."""
 
-GEOMETRY = frozenset({*OF_GEAR, "teeth", "centre_distance"})
+GEOMETRY = frozenset({*OF_GEAR, "helix_angle", "teeth", "centre_distance"})
 """Parameters that the notices depend on, by their own names."""
 
 

@@ -18,9 +18,9 @@ from gearstab.config.model.fields import (
     Section,
 )
 from gearstab.systems.parts.forcing import TransmissionError
-from gearstab.systems.parts.mesh import Lag, NamedToothMesh, StiffnessOfTeeth, following_conflicts
+from gearstab.systems.parts.mesh import Lag, NamedToothMesh, StiffnessOfTeeth, following_conflicts, given_by_teeth
 from gearstab.waveforms import WAVEFORMS
-from gearstab.waveforms.section import has_own_mean, shape_conflicts, wave_of
+from gearstab.waveforms.section import has_own_mean, shape_conflicts
 
 MEAN, VARIATION, CONTACT_RATIO, WAVE = "mean", "variation", "contact_ratio", "wave"
 """What of a mesh stiffness may follow from the teeth."""
@@ -162,12 +162,7 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
         yield from at_most_one(raw, ("epsilon", "amplitude"))
         yield from at_most_one(raw, ("damping", "damping_ratio"))
         yield from shape_conflicts(raw)
-        wave = wave_of(raw.get("waveform"))
-        if wave is not None and wave.of_teeth:
-            for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
-                if raw.get(key) is not None:
-                    remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
-                    yield (key,), "already_given", "the teeth give it", f"{remedy}single_pair_stiffness and variation"
+        yield from given_by_teeth(raw)
         yield from following_conflicts(
             raw, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"
         )

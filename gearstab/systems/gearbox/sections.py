@@ -27,7 +27,7 @@ from gearstab.systems.gearbox.build import build
 from gearstab.systems.gearbox.feasibility import check_train
 from gearstab.systems.gearbox.mesh import LUBRICATED, GearboxMesh
 from gearstab.systems.gearbox.missing import missing_of_teeth
-from gearstab.systems.gearbox.rotors import moves, turns
+from gearstab.systems.gearbox.rotors import moves, slides, turns
 from gearstab.systems.gearbox.set_sections import PlanetarySet, complete_angles
 from gearstab.systems.gearbox.set_sections import conflicts as set_conflicts
 from gearstab.systems.gearbox.train import Train
@@ -158,6 +158,7 @@ class Gearbox(System):
         held = {item.get(str(item.get("held"))) for item in sets}
         found = [True for rotor in rotors if turns(rotor, rotor.get("name") in held)]
         found += [False for rotor in rotors if moves(rotor) for _ in "xy"]
+        found += [False for rotor in rotors if slides(rotor)]
         for planets in (item.get("planets") or {} for item in sets):
             if not whole(planets.get("count"), 3, MOST_PLANETS):
                 return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import tan
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from gearstab.gears.relief import FlankRelief, LoadedMesh, Relief, loaded_mesh
 from gearstab.system import Array
 from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, POWERS, VARIATION, WAVE, from_teeth
 from gearstab.systems.gearbox.rotors import number
-from gearstab.waveforms import WAVEFORMS, Fourier, Tooth
+from gearstab.waveforms import WAVEFORMS, Fourier, Helical, Tooth
 from gearstab.waveforms.tooth import Piecewise, stacked
 
 Numbers = dict[tuple[str, str], float]
@@ -53,6 +54,7 @@ class MeshTeeth:
         """Batch shape, and for each of its entries all numbers that matter, by name."""
         table: dict[tuple[str, str], Array] = {}
         for side, gear in zip(("driver", "driven"), self.gears, strict=True):
+            table[side, "helix_angle"] = number(gear, "helix_angle")
             for name, default in OF_GEAR.items():
                 if gear.get(name) is not None or default is not None:
                     table[side, name] = number(gear, name, default or 0.0)
@@ -87,6 +89,7 @@ class MeshTeeth:
                 teeth=int(gear["teeth"]),
                 internal=bool(gear.get("internal")),
                 **{name: numbers[side, name] for name in OF_GEAR if (side, name) in numbers},
+                helix_angle=abs(numbers[side, "helix_angle"]) * (-1 if gear.get("hand") == "left" else 1),
                 **material,
             )
             for side, gear in zip(("driver", "driven"), self.gears, strict=True)
@@ -110,6 +113,16 @@ class MeshTeeth:
         """The normal force, N. Raises TrainError where it is not known."""
         assert self.load is not None, "only meshes of a train are loaded"
         return self.load()
+
+    @property
+    def helical(self) -> bool:
+        """Whether a gear has a helix angle."""
+        return any(np.any(number(gear, "helix_angle")) for gear in self.gears)
+
+    @property
+    def lead(self) -> Array:
+        """tan beta_b of the driver, positive of a right-handed one."""
+        return self.each(lambda pair: tan(pair.pinion.base_helix))
 
     @cached_property
     def models(self) -> list[StiffnessModel]:
@@ -181,7 +194,8 @@ class MeshTeeth:
         """Return the section of the mesh with what the teeth give: mean stiffness, epsilon, contact ratio and wave."""
         p: dict[str, Any] = {}
         wanted = from_teeth(self.p)
-        rectangular = WAVEFORMS[(self.p.get("waveform") or {}).get("kind", "rectangular")].has_contact_ratio
+        kind = (self.p.get("waveform") or {}).get("kind", "rectangular")
+        rectangular = WAVEFORMS[kind].has_contact_ratio
         if MEAN in wanted:
             p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
         if CONTACT_RATIO in wanted and rectangular:
@@ -189,12 +203,17 @@ class MeshTeeth:
         if VARIATION in wanted:
             keep = self.p.get("reduction", "levels")
             p["epsilon"] = self.of_stiffness(lambda mesh: (mesh.rectangular(keep) if rectangular else mesh).epsilon)
-        return self.p | p | ({"wave": self.wave()} if WAVE in wanted else {})
+        if kind == "rectangular" and self.helical:
+            ratio = p.get("contact_ratio", self.p.get("contact_ratio"))
+            p["wave"] = Helical(ratio, self.each(lambda pair: pair.overlap_ratio))
+        elif WAVE in wanted:
+            p["wave"] = self.wave()
+        return self.p | p
 
     def wave(self) -> Tooth | Fourier:
         """The wave of the computed stiffness, or its first harmonics."""
         harmonics = (self.p.get("waveform") or {}).get("harmonics")
-        ratio = None if self.relieved else self.each(lambda pair: pair.contact_ratio)
+        ratio = None if self.relieved else self.each(lambda pair: pair.total_contact_ratio)
         whole = Tooth(stacked([mesh.curve for mesh in self.stiffness], self.batch), ratio)
         if harmonics is None:
             return whole

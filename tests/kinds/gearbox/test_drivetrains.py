@@ -1,4 +1,4 @@
-"""Gearboxes of wind turbines in ``configs/drivetrains``: ratios, frequencies, what ``info`` says, axes of teeth."""
+"""Drivetrains of ``configs/drivetrains``: ratios, frequencies, what ``info`` says, axes of teeth, helices, spin."""
 
 from __future__ import annotations
 
@@ -42,6 +42,35 @@ def test_the_two_masses_of_the_5_mw_drivetrain_vibrate_at_2_2755_hz() -> None:
     assert frequencies[1] == pytest.approx(2.2755, abs=1e-4)  # the main shaft is as stiff as that, to four digits
     # Turbine against generator on that shaft, and the generator's inertia by the square of the ratio 96.35.
     assert frequencies[2] > 20 * frequencies[1]
+
+
+def test_the_helix_calms_the_reducer_of_an_electric_car() -> None:
+    """At 14,550 rpm spur teeth double one motion of the first stage; its tongue closes below 4 degrees."""
+    config = load(CONFIGS / "drivetrains/ev_reducer.yaml")
+    system = build(config.at({"gears.helix_angle": np.array([0, 2, 8, 16])}))
+    growth = solve(system, np.array([14550 * 23 * 2 * np.pi / 60])).growth_rate[:, 0]
+    assert growth[0] > growth[1] > growth[2] > growth[3]
+    assert growth[0] > 800
+    assert growth[3] < 0
+    mesh = system.meshes[0].direction
+    along = [k for k, name in enumerate(system.coordinates) if name.endswith(" 1.z")]
+    np.testing.assert_allclose(mesh[0, along], 0, atol=1e-15)
+    assert np.all(np.abs(mesh[3, along]) > 0.1)
+
+
+def test_the_carrier_of_the_helicopter_splits_its_translational_modes() -> None:
+    """By W/2 phi_1^T G phi_2 each way, first order in the speed (Lin & Parker 1999)."""
+    config = load(CONFIGS / "drivetrains/helicopter.yaml")
+    system = build(config.system)
+    modes = mean_modes(system)
+    frequency = modes.natural_frequency
+    pairs = [k for k in range(1, system.size - 1) if abs(frequency[k + 1] / frequency[k] - 1) < 1e-9]
+    lowest = pairs[0]
+    (rotation,) = system.rotations
+    shapes = modes.shapes[:, lowest : lowest + 2]
+    coupling = abs(float(shapes[:, 0] @ rotation.gyroscopic @ shapes[:, 1]))
+    carrier = 8000 * 2 * np.pi / 60 * 36 / 126
+    assert carrier * coupling / 2 > 0.03 * frequency[lowest]
 
 
 def test_without_variation_nothing_grows() -> None:
