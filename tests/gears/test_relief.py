@@ -16,7 +16,7 @@ from gearstab.gears.mesh_stiffness import StiffnessModel, contact_stiffness, mes
 from gearstab.gears.pair import Pair
 from gearstab.gears.relief import NO_RELIEF, FlankRelief, Relief, equilibrium, loaded_mesh
 
-CASES = json.loads((DATA / "reference_relief_internal_phases.json").read_text())["relief"]
+CASES = json.loads((DATA / "teeth" / "reference_relief_internal_phases.json").read_text())["relief"]
 REFERENCE = pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
 PLAIN = StiffnessModel()
 OF_INPUTS = {"normal_module": "module", "normal_pressure_angle": "pressure_angle", "rounding": "rack_tip_radius",
