@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -10,12 +10,8 @@ from gearstab.system import Array
 from gearstab.systems.gearbox import rotors
 from gearstab.systems.kinematics import TrainError
 
-if TYPE_CHECKING:
-    from gearstab.systems.gearbox.planet_set import TrainSet
-    from gearstab.systems.gearbox.train import Train
 
-
-def torques(train: Train) -> dict[str, Array]:
+def torques(train: Any) -> dict[str, Array]:
     """Torque on the input and the output rotors, N m, each positive in the sense in which its rotor turns.
 
     The outputs take power: sum T_i |speed_i| = 0. Without a torque an output shares what the input brings equally; the
@@ -36,7 +32,7 @@ def torques(train: Train) -> dict[str, Array]:
     return {start: np.asarray(brought)} | {end: -taken[end] for end in ends}
 
 
-def pair_force(train: Train, pair: int) -> Array:
+def pair_force(train: Any, pair: int) -> Array:
     """Return the normal force of a pair of gears, N. Raises TrainError where it is not known, or the driver is driven.
 
     T_1/R_b1 in the transverse plane, with the torque T_1 that the mesh takes from the driver.
@@ -53,14 +49,14 @@ def pair_force(train: Train, pair: int) -> Array:
     return unit * taken / rotors.base_radius(train.rotors[train.place[motion.gears[0]]])
 
 
-def set_force(train: Train, item: TrainSet) -> Array:
+def set_force(train: Any, item: Any) -> Array:
     """Return the normal force of a mesh of a set, N, the same with sun and ring; planets share the load equally."""
     unit = _torque_per_reaction(train, item.where)
     taken = abs(float(train.reactions[item.where])) * item.counted("sun")
     return unit * taken / (item.count * rotors.base_radius(item.teeth.gears["sun"]))
 
 
-def _torque_per_reaction(train: Train, where: tuple[str | int, ...]) -> Array:
+def _torque_per_reaction(train: Any, where: tuple[str | int, ...]) -> Array:
     """The input torque over what the input's relation carries. Raises TrainError where teeth are not loaded by it."""
     if not train.determinate:
         message = "relief needs the force of the mesh, which depends on the stiffness of a loop of this train"

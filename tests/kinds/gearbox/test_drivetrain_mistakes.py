@@ -15,7 +15,7 @@ HIGH_SPEED = next(line for line in TEXT.splitlines(keepends=True) if "{name: hig
 ONE, TWO = "planets: {count: 3, teeth: 17,", "planets: {count: 3, teeth: 36,"
 
 CASES = {
-    "other module of the mate": ("teeth: 24, module: 14.216 mm", "teeth: 24, module: 14 mm",
+    "other module of the mate": ("teeth: 24, module: 14 mm", "teeth: 24, module: 13.5 mm",
         "meshes.0", "{name: stage 3, gears", "of 95 teeth and", "one module"),
     "unequal module in a set": ("teeth: 56, internal: true, module: 45 mm", "teeth: 56, internal: true, module: 44 mm",
         "planetary_sets.0", "- name: stage 1", "base pitches differ", "one module"),
@@ -50,7 +50,7 @@ CASES = {
         "meshes.0", "{name: stage 3, gears", "at the centre distance 861 m", '"160 mm"'),
     "a centre distance that is too short": ("centre_distance: 863 mm", "centre_distance: 600 mm",
         "planetary_sets.0", "- name: stage 1", "base to base", "centre_distance"),
-    "a profile shift of the other sign": ("profile_shift: 0.501}", "profile_shift: -0.501}",
+    "a profile shift of the other sign": ("profile_shift: 0.501,", "profile_shift: -0.501,",
         "planetary_sets.0", "- name: stage 1", "planet and ring overlap", "profile_shift"),
     "minus teeth of a ring": ("teeth: 56,", "teeth: -56,",
         "rotors.3.teeth", "teeth: -56", "whole number >= 3", ""),
