@@ -50,7 +50,7 @@ class PlotError(UserError, ValueError):
 
 
 class RequestError(UserError, ValueError):
-    """What was asked for is too large. Nothing was computed."""
+    """The request is too large. Nothing was computed."""
 
 
 class SweepError(UserError, RuntimeError):

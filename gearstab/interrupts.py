@@ -1,4 +1,4 @@
-"""What SIGINT, SIGTERM and SIGHUP do: end the program with exit code 130, leaving no half-written file behind.
+"""Let SIGINT, SIGTERM and SIGHUP end the program with exit code 130, leaving no half-written file behind.
 
 A command ends at once (:func:`leave`): whatever it does, there is nothing to save but temporary files, which are
 removed. A sweep has finished blocks to save and lets the signals raise KeyboardInterrupt (:func:`raised`).
@@ -33,7 +33,7 @@ temporary: set[str] = set()
 """Files that are being written and have no final name yet."""
 
 own = _local()
-"""Of each thread ``end``: the processor time at which its work is to end, see :func:`gearstab.ckernel.limited`."""
+"""Processor time at which the work of each thread is to end (``end``), see :func:`gearstab.ckernel.limited`."""
 
 
 class Stopped(KeyboardInterrupt):

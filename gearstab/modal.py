@@ -190,7 +190,8 @@ def mesh_deflection(shapes: Array, direction: Array) -> Array:
 
 
 MODE_TYPES = ("elastic", "rigid-body", "no mesh deflection", "negative stiffness", "no mean stiffness")
-"""What :func:`mode_types` tells apart; a mode without mesh deflection is elastic, and no mesh excites it."""
+"""Types of modes that :func:`mode_types` distinguishes; a mode without mesh deflection is elastic, and no mesh excites
+it."""
 
 NO_DEFLECTION = 1e-12
 """A mesh deflection below this part of sqrt(sum_p delta_ip^2) is the rounding error of an eigenvector."""

@@ -23,7 +23,7 @@ FORMULATIONS = (CLASSICAL, RIGID_KINEMATIC, ENERGY_CONSERVING)
 
 @dataclass(frozen=True)
 class PairNumbers:
-    """What the equations of motion contain; every number may be an array of batch shape.
+    """Parameters of the equations of motion; every number may be an array of batch shape.
 
     teeth: N1, N2. inertias: I1, I2 (kg m^2).
     stiffness: k with one and with two pairs of teeth in contact (N m); the strain energy is k phi^2.

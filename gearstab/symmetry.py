@@ -20,7 +20,7 @@ EQUAL_FREQUENCY = 1e-8
 PURE = 1e-6
 """How far from cos(2 pi T/N) a mode of type T may be; of 30 planets the nearest are 0.02 apart."""
 HARMONICS = range(1, 9)
-"""Those by which waves are compared."""
+"""Harmonics by which waves are compared."""
 ALIKE = 1e-9
 """Mesh phases, in periods, that differ by less are equal; they are written with a few digits less than a double has."""
 

@@ -105,7 +105,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class PeriodicTerm:
-    """What varies with a mesh and is not its symmetric stiffness: a(x) u v^T in K(t) and c(x) u v^T in C(t).
+    """A periodic term of a mesh beside its symmetric stiffness: a(x) u v^T in K(t) and c(x) u v^T in C(t).
 
     x = r Omega t/2 pi - lag; friction and mesh damping that follows the mesh stiffness are such terms.
 

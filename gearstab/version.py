@@ -10,7 +10,7 @@ from pathlib import Path
 __version__ = "0.1.0"
 
 BUILT = "commit.txt"
-"""Beside this file: the commit, where the package was built from a repository."""
+"""File beside this one: the commit, where the package was built from a repository."""
 DIGITS = 12
 
 

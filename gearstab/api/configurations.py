@@ -74,7 +74,7 @@ def as_system(source: GearSystem | Source) -> GearSystem:
 
 
 class Info(dict[str, Any]):
-    """What is known of a configuration, or of a result: numbers, texts and lists by name; ``text`` says it all.
+    """Facts about a configuration or a result: numbers, texts and lists by name; ``text`` says it all.
 
     The keys are those of ``gearstab info --json``.
     """

@@ -1,4 +1,4 @@
-"""Who sees the progress of a sweep from Python."""
+"""Observers of the progress of a sweep from Python."""
 
 from __future__ import annotations
 

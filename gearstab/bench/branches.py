@@ -1,4 +1,4 @@
-"""What motions along branches cost, beside motions that are run on to until they settle."""
+"""Cost of motions along branches compared with running on until a motion settles."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ class Scene:
 
     @cached_property
     def _parts(self) -> tuple[Array, list[tuple[Callable[[float], Array], Array]]]:
-        """What of A is constant, and functions of tau with their matrices, prepared for speed."""
+        """Constant part of A, and functions of tau with their matrices, prepared for speed."""
         system, n = self.system, self.system.size
         counts = system.common_period()[1]
         zero = np.zeros((n, n))

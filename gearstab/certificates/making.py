@@ -123,7 +123,7 @@ class Maker:
         return found
 
     def proposal(self, low: float, high: float) -> Certificate | None:
-        """What may prove what the multipliers in the middle say; None where rounding has the last word."""
+        """Return the claim that the multipliers in the middle suggest; None where rounding has the last word."""
         return self._claim(self._monodromy(np.array([np.sqrt(low * high)]))[0], low, high)
 
     def _claim(self, monodromy: Array, low: float, high: float) -> Certificate | None:

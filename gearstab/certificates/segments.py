@@ -11,7 +11,7 @@ from gearstab.system import Array, GearSystem
 
 
 def segments(system: GearSystem) -> list[Segments]:
-    """Those of all rows of the flattened batch.
+    """Values of all rows of the flattened batch.
 
     Raises ValueError where something varies between jumps, and NotPossible where there is no common period.
     """

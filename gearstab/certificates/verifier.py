@@ -162,7 +162,7 @@ def _remainder(slope: arb_mat) -> arb_mat:
 
 
 def _product(a: list[arb_mat], b: list[arb_mat], degree: int) -> list[arb_mat]:
-    """Of two polynomials on [-1, 1], what is of higher degree joined to the last coefficient."""
+    """Multiply two polynomials on [-1, 1]; terms of higher degree are added to the last coefficient."""
     found = [0 * a[0]] * (min(degree, len(a) + len(b) - 2) + 1)
     for i, left in enumerate(a):
         for j, right in enumerate(b):

@@ -41,7 +41,7 @@ TO_BEGIN = {
     "configs": "Name its file; `gearstab init two_stage > train.yaml` writes one to start from.",
     "result": "Name its file, results/train.h5; `gearstab sweep train.yaml` writes it.",
 }
-"""What is said where a command lacks its configuration, or a result."""
+"""Message where a command lacks its configuration, or a result."""
 
 
 class LazyGroup(click.Group):

@@ -33,7 +33,7 @@ WITHIN = {
     "design": " with its range, variables and minimise",
     "respond": ": mesh_frequency, cycles and an initial state, or speed and cycles of a pair given by its gears",
 }
-"""What sections that are missing hold."""
+"""Contents of sections that are missing."""
 
 
 def load(

@@ -18,7 +18,7 @@ from gearstab.systems import KINDS
 from gearstab.systems.base import Start
 
 METHODS: dict[str, Any] = {"floquet": {}, "boundaries": {}, "perturbation": {"harmonics": 2}}
-"""What a configuration to start from computes."""
+"""Methods of a configuration to start from."""
 
 COLUMN, WIDTH = 46, 150
 """Column at which comments begin, and preferred length of lines."""

@@ -52,7 +52,7 @@ class DesignProblem:
 
     @property
     def variables(self) -> tuple[DesignVariable, ...]:
-        """What may change."""
+        """Number that may change."""
         return self.design.variables
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What came out of a search, as a result: everything that figures and reports show of it."""
+"""Outcome of a search, as a result: everything that figures and reports show of it."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def _quantities(solution: Solution) -> dict[str, Any]:
 
 
 def _worst(batch: Batch, limit: Any, known: dict[str, Array]) -> float:
-    """Of the numbers that a limit is on the one that is nearest to it or farthest beyond."""
+    """Return the number that is nearest to its limit or farthest beyond, of all that the limit is on."""
     numbers = limited(batch, limit, dict(known))[:, 0]
     room = np.fmin(limit.high - numbers, numbers - limit.low)
     return float(numbers[int(np.argmin(room))])

@@ -31,7 +31,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Solution:
-    """What a search comes to.
+    """Outcome of a search.
 
     optimum: the design. margins ``(2, variables)``; most: the objective at which they end. tongues: of the given design
     and of the optimum, None where regions cannot be found. verified: points of Floquet analysis in the ranges, and how
@@ -106,7 +106,7 @@ def solved(problem: DesignProblem, say: Say = lambda text: None) -> Solution:
 
 
 def _infeasible(problem: DesignProblem) -> ConfigError:
-    """What is told where no design that was looked at is allowed."""
+    """Message where no design that was looked at is allowed."""
     path = ("design", "constraints") if problem.design.limits else ("design", "variables")
     message, hint = "no design within the bounds meets the constraints", "relax constraints, or widen bounds"
     return ConfigError([problem.config.problem(path, "impossible", message, hint)])

@@ -24,9 +24,9 @@ MODELS = (".mat", ".npz")
 INSIDE = 1e-9
 """Distance from a breakpoint, in periods, at which its limits are taken."""
 MESHES = ("direction", "mean_stiffness", "epsilon", "frequency_ratio", "phase", "mesh_stiffness")
-"""What a file of :func:`export_matrices` holds of its meshes."""
+"""Names of the mesh data in a file of :func:`export_matrices`."""
 LARGEST_DENOMINATOR = 10_000
-"""Of an exact frequency ratio that a file holds as a decimal number."""
+"""Largest denominator of an exact frequency ratio that a file holds as a decimal number."""
 SAMPLES = 256
 """Phases of a mesh period at which the stiffness is written, those of its breakpoints besides."""
 

@@ -88,7 +88,9 @@ def reduced(found: Model, modes: int) -> Model:
 
 
 def _note(system: GearSystem, basis: Array) -> str:
-    """What the lowest modes leave out of the compliance of each mesh, sum_p (g . phi_p)^2 / w_p^2 of the others."""
+    """Return a note on the part that the lowest modes leave out of the compliance of each mesh, sum_p (g . phi_p)^2 /
+    w_p^2 of the others.
+    """
     modes, size = mean_modes(system), basis.shape[1]
     frequency = modes.natural_frequency
     if size == system.size:

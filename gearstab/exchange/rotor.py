@@ -103,7 +103,7 @@ def _direction(rotor: Any, geared: Any, speed: float) -> tuple[Array, float]:
 
 
 def _wave(mesh: Any, mean: float) -> dict[str, Any]:
-    """What is known of a mesh's stiffness: its course over a period, or its mean."""
+    """Return the data of a mesh's stiffness: its course over a period, or its mean."""
     course = np.asarray(getattr(mesh, "stiffness_range", ()), dtype=float)
     if not len(course) or np.ptp(course) <= SINGLE * np.abs(course).max():
         return {"mean_stiffness": mean}

@@ -102,7 +102,9 @@ class _Exponents:
         self.filled = np.zeros(shape[0], dtype=int)
 
     def add(self, block: Block, elastic: Array) -> None:
-        """Those of a block ``(r, P, k)``, once for each copy, and the exactly known ones of its rigid-body modes."""
+        """Add the values of a block ``(r, P, k)``, once for each copy, and the exactly known ones of its rigid-body
+        modes.
+        """
         rows, known = block.pattern.rows, block.pattern.elastic.rigid_exponents
         known = np.broadcast_to(known[:, None, :], (*elastic.shape[:2], known.shape[-1]))
         every = np.concatenate([np.tile(elastic, block.copies), known.astype(complex)], axis=-1)

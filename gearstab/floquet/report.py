@@ -1,4 +1,4 @@
-"""What block reduction does to a single system, for people and result files."""
+"""Describe the block reduction of a single system, for people and result files."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class BlockSummary:
 
 @dataclass(frozen=True)
 class Reduction:
-    """What becomes of a system's modes.
+    """Blocks and kinds of a system's modes.
 
     rigid: rigid-body modes; dropped: modes that no mesh excites; parts: the blocks that are solved; saving: how many
     times less work (segments times coordinates cubed) they take than the elastic modes together.

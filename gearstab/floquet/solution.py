@@ -1,4 +1,4 @@
-"""What a pattern's points come to: growth, verdict and exponents, without the block it belongs to."""
+"""Result of a Floquet analysis at one or more points: growth rate, verdict and exponents."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every strategy and every block comes to: growth, verdict and status of points."""
+"""Results that all strategies share: growth rate, verdict and status."""
 
 from __future__ import annotations
 

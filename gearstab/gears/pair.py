@@ -28,7 +28,8 @@ CENTRE = 'change centre_distance, with its unit ("160 mm"), or the teeth'
 
 @dataclass(frozen=True)
 class Notice:
-    """What a designer should know: ``number`` and ``limit`` of a named condition of a part (pinion, wheel, pair).
+    """Conditions that a designer should know: ``number`` and ``limit`` of a named condition of a part (pinion, wheel,
+    pair).
 
     undercut: profile shift, and the least that keeps the involute whole (modules).
     interference: s where the tip of this gear would first touch its mate, and the tangent point it passes (metres).

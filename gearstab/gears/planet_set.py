@@ -17,7 +17,7 @@ from gearstab.gears.pair import Pair
 OVERLAP = 1e-3
 """Modules that flanks may overlap: tables of gears round profile shifts to three digits."""
 DIGITS = 12
-"""Of a lag: teeth whose lag is 0 or 1/2 then have exactly that, so that the jumps of their waves coincide."""
+"""Decimals of a lag: teeth whose lag is 0 or 1/2 then have exactly that, so that the jumps of their waves coincide."""
 
 
 @dataclass(frozen=True)

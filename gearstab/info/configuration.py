@@ -1,4 +1,4 @@
-"""What is known of a configuration: modes and predicted instability tongues of its base system, as facts."""
+"""Facts about a configuration: modes and predicted instability tongues of its base system, as facts."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
 
 
 def _design(design: Design) -> dict[str, Any]:
-    """What a search of ``gearstab design`` would be for."""
+    """Goal of a search by ``gearstab design``."""
     from gearstab.config.sections.objectives import objective_name
 
     return {
@@ -164,7 +164,8 @@ def _reductions(system: GearSystem) -> dict[str, Any]:
 
 
 def _existence(system: GearSystem, found: dict[str, Any]) -> dict[str, Any]:
-    """What :func:`_tongues` found with the existence rule L z +- (T_p +- T_q) = j N, None where it does not apply.
+    """Return the tongues of :func:`_tongues` with the existence rule L z +- (T_p +- T_q) = j N, None where it does not
+    apply.
 
     ``types`` of a tongue are the T of all modes that share its two frequencies; ``allowed`` whether the rule holds for
     any pair of them.

@@ -1,4 +1,4 @@
-"""What ``gearstab info`` says of dangerous mesh frequencies or speeds: ranked, and what would close each region."""
+"""Dangerous mesh frequencies or speeds: ranked, and what would close each region."""
 
 from __future__ import annotations
 
@@ -378,7 +378,7 @@ def _contact_ratios(closed: dict[str, Any]) -> str:
 
 
 def _left(part: float | None) -> str:
-    """What a remedy leaves, "" where it closes the region."""
+    """Region that a remedy leaves, "" where it closes the region."""
     return f" ({100 * part:.2g} %)" if part else ""
 
 

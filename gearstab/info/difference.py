@@ -1,4 +1,4 @@
-"""What differs between two results: verdicts, edges of regions, and every variable."""
+"""Differences between two results: verdicts, edges of regions, and every variable."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WORK = (
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What still counts as equal.
+    """Tolerances of equality.
 
     variables: difference of a variable, over the largest magnitude that it has in either result. edges: of an edge of a
     region, relative to it. verdicts: how many points may change between stable and unstable.

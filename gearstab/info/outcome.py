@@ -1,4 +1,4 @@
-"""What came out of a sweep, for machines: shares, the worst point, flags, regions with their edges, what is proved.
+"""Outcome of a sweep, for machines: shares, the worst point, flags, regions with their edges, what is proved.
 
 ``gearstab sweep --json`` and ``gearstab info RESULT --json`` print it, ``gearstab sweep --fail-if`` judges by it.
 """
@@ -157,7 +157,7 @@ QUANTITIES = {
     "failed": "share of the points that could not be computed",
     "regions": "number of regions of boundaries that are open anywhere",
 }
-"""What a condition may be about."""
+"""Quantities of a condition."""
 SIGNS = {">": operator.gt, ">=": operator.ge}
 FORM = re.compile(r"\s*([a-z]+)\s*(?:(>=|>)\s*(\S+)\s*)?")
 

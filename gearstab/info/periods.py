@@ -1,4 +1,4 @@
-"""What ``gearstab info`` says of several mesh frequencies: the common period and the way exact stability takes."""
+"""Facts about several mesh frequencies: the common period and the way exact stability takes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``gearstab info`` says of a result: where it comes from, its axes, groups and variables."""
+"""Text of ``gearstab info`` on a result: where it comes from, its axes, groups and variables."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def describe(path: Path, unit: Sequence[str] = (), judged: bool = False) -> dict
 
 
 def _certificates(stored: xr.DataTree) -> str:
-    """What of the range has certificates, "" without any."""
+    """Share of the range with certificates, "" without any."""
     from gearstab.certificates.shares import said
 
     names = ("certified_share", "uncertified_width", "uncertified_at_boundary")

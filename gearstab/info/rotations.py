@@ -1,4 +1,4 @@
-"""What ``gearstab info`` says of a system whose speeds of rotation follow the mesh frequency: its mean system there."""
+"""Facts about a system whose speeds of rotation follow the mesh frequency: its mean system there."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     from gearstab.system import GearSystem
 
 SPEEDS = 65
-"""Of a range, at which motions of the mean system are looked at."""
+"""Number of speeds of a range at which motions of the mean system are looked at."""
 HALVINGS = 40
-"""Of a step between two of them, for the speed from which on one grows."""
+"""Halvings of a step between two of them, for the speed from which on one grows."""
 SMALL = 1e-3
-"""Of 2 W/w_1, below which what acts with the speed W is negligible."""
+"""Value of 2 W/w_1 below which what acts with the speed W is negligible."""
 SENSES = {1: "forward", -1: "backward", 0: "-"}
 
 

@@ -1,4 +1,4 @@
-"""What ``gearstab info`` found out, as readable text."""
+"""Readable text of the facts of ``gearstab info``."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _mean_lines(facts: dict[str, Any]) -> list[str]:
 
 
 def _design(design: dict[str, Any]) -> str:
-    """What may change, and what for: one line."""
+    """Return one line on the numbers that may change and the objective."""
     sizes = {
         name: f"{bounds[0]:.6g} .. {bounds[1]:.6g}" if isinstance(bounds, list) else f"{bounds} choices"
         for name, bounds in design["variables"].items()
@@ -203,7 +203,7 @@ def _reduction_text(facts: dict[str, Any]) -> str:
 
 
 def _root_mean_square(values: Sequence[float]) -> float:
-    """Of several values; a single one keeps its sign."""
+    """Return the range of several values; a single one keeps its sign."""
     return values[0] if len(values) == 1 else (sum(v * v for v in values) / len(values)) ** 0.5
 
 

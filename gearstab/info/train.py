@@ -1,4 +1,4 @@
-"""What ``gearstab info`` says of a gearbox: a drawing of the train, its teeth, the strain energy of its modes."""
+"""Facts about a gearbox: a drawing of the train, its teeth, the strain energy of its modes."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def _notice(notice: Any, parts: dict[str, str]) -> dict[str, Any]:
 
 
 def _shares(train: Train, system: GearSystem) -> list[dict[str, float | None]]:
-    """Of the strain energy of each mode, what is in the shafts and what in the supports; None of rigid-body modes."""
+    """Return the shares of each mode's strain energy in the shafts and in the supports; None of rigid-body modes."""
 
     from gearstab.symmetry import natural_modes
     from gearstab.systems.gearbox.build import shaft_elements

@@ -29,10 +29,10 @@ FEW = 4
 BUDGET = 1e9
 """Multiplications for the proof of a damped system."""
 TOLERANCE, FLOOR = 1e-7, 1e-5
-"""Of edges and widths, relative to the mesh frequency."""
+"""Tolerance of edges and widths, relative to the mesh frequency."""
 GAP = 2e-4
-"""Of the mesh frequency, how much of the stable speeds may be neither proved nor counted: next to an edge, where decay
-is slow, some never are."""
+"""Width of stable speeds, relative to the mesh frequency, that may be neither proved nor counted: next to an edge,
+where decay is slow, some never are."""
 SPEEDS, INSIDE = 1001, 33
 """Speeds of the range, and within a region, at which growth rates are computed."""
 LONGER = (1.0, 1.02, 1.1, 1.3, 2.0)

@@ -1,4 +1,4 @@
-"""What a method of a sweep is: its options, what it needs, declares and computes."""
+"""Base class of the methods of a sweep: options, needs, declarations and computation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from gearstab.tolerance.design import SamplingDesign
 
 POINTS, RANGE = "points", "range"
-"""What of the mesh frequency a method needs: every point of the grid or the ends of its axis; None for neither."""
+"""Part of the mesh-frequency axis that a method needs: every point of the grid or the ends of its axis; None for
+neither."""
 
 FEWEST = 4
 """Points of a block, however costly."""
@@ -34,8 +35,8 @@ WidthFloor = Annotated[float, Field(ge=1e-12, lt=1), Quantity()]
 """Width of a region, relative to the mesh frequency; the least is ``floquet.boundaries.solve.LEAST_FLOOR``."""
 
 Key = tuple["Tongue", int]
-"""What tells the regions along the dimension ``tongue`` apart: where a region is rooted and, as there can be several of
-one root, which one of them it is."""
+"""Coordinates that identify regions along the dimension ``tongue``: where a region is rooted and, as there can be
+several of one root, which one of them it is."""
 
 
 class OptionError(ValueError):
@@ -48,7 +49,7 @@ class OptionError(ValueError):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a method gives for a batch of systems, one per row.
+    """Values of a method for a batch of systems, one per row.
 
     values: by variable, with GRID as ``(rows, P)`` and ROWS as ``(rows,)`` (one row may stand for all).
     tongues: what the dimension ``tongue`` consists of, for methods that have it.

@@ -1,4 +1,4 @@
-"""What a method must be like for certificates of its results."""
+"""Requirements on a method for certificates of its results."""
 
 from __future__ import annotations
 

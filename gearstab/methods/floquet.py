@@ -139,7 +139,7 @@ class Floquet(Restricted):
 
     @property
     def kept(self) -> str:
-        """What is kept, in words, where something is left out."""
+        """Return the modes that are kept, in words, where some are left out."""
         return super().kept if self.options.block is None else f"type {self.options.block}"
 
     @cached_property
@@ -222,7 +222,7 @@ class Floquet(Restricted):
         return self._exact_cost(self.part) * (CERTIFICATE if self.options.certificate else 1.0)
 
     def _exact_cost(self, system: GearSystem) -> float:
-        """Of a system with a common period."""
+        """Analyse a system with a common period."""
         from gearstab.floquet.dispatch import reduction
 
         return reduction(system).cost * (5 if self.options.exponents or system.damped else 1)
@@ -294,7 +294,7 @@ class Floquet(Restricted):
 
 
 class Orbits(Floquet):
-    """Of a pair in its nonlinear formulations the stability of periodic orbits.
+    """Analyse the stability of periodic orbits of a pair in its nonlinear formulations.
 
     A pair in any formulation has the same variables, so that a sweep can put the formulations side by side.
     """

@@ -66,7 +66,7 @@ def _table(path: FilePath) -> list[list[float]]:
 
 
 class PassageOptions(Section):
-    """What grows while the mesh frequency changes, from end to end of its axis at given rates, or along a path."""
+    """Growth while the mesh frequency changes, from end to end of its axis at given rates, or along a path."""
 
     rate: (
         Annotated[list[Rate], AfterValidator(_moving), BeforeValidator(lambda v: v if isinstance(v, list) else [v])]

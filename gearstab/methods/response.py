@@ -114,7 +114,7 @@ class SteadyStateAnalysis(Method):
 
 
 class BacklashAnalysis(SteadyStateAnalysis):
-    """What motions of a system whose teeth may part settle to, from one mesh frequency to the next."""
+    """Settled motions of a system whose teeth may part, from one mesh frequency to the next."""
 
     singly = True
     # A history follows teeth that part, and motions that repel are none that it settles to.

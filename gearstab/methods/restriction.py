@@ -47,7 +47,7 @@ class Restricted(Method):
 
     @property
     def kept(self) -> str:
-        """What is kept, in words, where something is left out."""
+        """Return the modes that are kept, in words, where some are left out."""
         return f"modes {', '.join(map(str, self.options.modes))}"
 
     @cached_property

@@ -27,7 +27,7 @@ ROW = 512
 FEWEST = 16
 """Samples where nothing is drawn."""
 EDGE = 1e-8
-"""Of the edges of regions, relative to the mesh frequency: tolerance, and width of regions that are left out."""
+"""Edges of regions, relative to the mesh frequency: tolerance, and width of regions that are left out."""
 TAIL = 1e-8
 """Probability of mesh frequencies beyond those in which regions are looked for."""
 SEARCH = 10.0
@@ -35,7 +35,7 @@ SEARCH = 10.0
 
 
 def _numbers(count: int) -> BeforeValidator:
-    """Of a list of so many."""
+    """Return a validator of a list of so many numbers."""
 
     def check(value: Any) -> Any:
         if isinstance(value, list) and len(value) != count:

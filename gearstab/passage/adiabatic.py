@@ -115,7 +115,7 @@ def _row(edges: Array, region: Array, omega: Array, rate: Array, nodes: Array) -
 
 @dataclass(frozen=True)
 class Gains:
-    """What a path gains, pieces in the order of time: e-folds, and when they end. region: as in GrowthOverSpeed."""
+    """Gains along a path, pieces in the order of time: e-folds, and when they end. region: as in GrowthOverSpeed."""
 
     region: Array
     gain: Array

@@ -24,7 +24,7 @@ from gearstab.system import Array, GearSystem
 MOST = 4_000_000
 """Segments of a ramp that are followed."""
 ENTRIES = 1 << 20
-"""Of the matrices of segments that are treated together."""
+"""Size of the matrices of segments that are treated together."""
 MOMENTS = 256
 """Between which growth is looked for first, about."""
 FINE = 64

@@ -1,4 +1,4 @@
-"""What grows along paths of the mesh frequency: from the growth rate of every moment, and exactly.
+"""Growth along paths of the mesh frequency: from the growth rate of every moment, and exactly.
 
 Where a mode alone, or two of them, pass one region at a constant rate, the amplitude equations are those of Landau and
 Zener with the sign of instability,
@@ -31,7 +31,7 @@ MOST_SEARCHED = 400_000
 """Segments of the slowest ramp that is followed in search of the slowest rate: some ten of them are."""
 FASTER, MOST_STEPS = 1.6, 12
 ACCURACY = 1e-3
-"""Of the slowest rate: far below what an amplification needs to be known to."""
+"""Tolerance of the slowest rate: far below what an amplification needs to be known to."""
 
 
 def passage(
@@ -139,7 +139,7 @@ def excess(gain: Array) -> Array:
 
 
 def _adiabatic(values: dict[str, Array], row: int, k: int, along: Gains, of_region: Array, jump: float) -> None:
-    """What the growth rate says of one row and path, and how far off that may be.
+    """Return the growth of one row and path by the growth rate, and its error.
 
     jump: e-folds by which the energy changes with the mesh stiffness alone.
     """

@@ -95,7 +95,7 @@ def undamped(coupling: Array) -> Array:
 
 
 def _tiny(matrix: Array) -> Array:
-    """What counts as zero beside the entries of ``matrix``: rounding of the modal transformation."""
+    """Value that counts as zero compared with the entries of ``matrix``: rounding of the modal transformation."""
     size: Array = ROUNDING * np.abs(matrix).max(axis=(-2, -1))
     return size
 

@@ -29,7 +29,7 @@ class ModalTerms:
     damping: Array
 
     def rows(self, rows: Array) -> ModalTerms:
-        """Those of some rows."""
+        """Return the coefficients of some rows."""
         return ModalTerms(self.left[rows], self.right[rows], self.stiffness[rows], self.damping[rows])
 
 

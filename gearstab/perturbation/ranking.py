@@ -38,7 +38,7 @@ class RankedRegion:
 
 @dataclass(frozen=True)
 class Ranking:
-    """What regions do in a range of mesh frequencies.
+    """Effects of regions in a range of mesh frequencies.
 
     open: those that are open in the range, the widest there first; closest: those centred in the range that damping
     closes, the next to open first. opened, closed, quiet: how many tongues meet the range and are open, are centred in

@@ -78,7 +78,7 @@ class Reduced:
         return self.first.shape[-2:] == (1, 1)
 
     def row(self, which: Array) -> Reduced:
-        """Those pairs alone, with one leading dimension; ``which`` is a mask ``(rows, pairs)``."""
+        """Return some pairs alone, with one leading dimension; ``which`` is a mask ``(rows, pairs)``."""
         return Reduced(*(part[which] for part in vars(self).values()))
 
 

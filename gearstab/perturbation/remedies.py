@@ -1,4 +1,4 @@
-"""What a region does in its middle, and which contact ratio, phasing, damping or tooth number closes it.
+"""Growth in the middle of a region, and which contact ratio, phasing, damping or tooth number closes it.
 
 In the middle of a tongue, nu = w_P + w_Q, the largest growth rate is the largest eigenvalue of the Hermitian matrix
 
@@ -35,7 +35,7 @@ from gearstab.system import Array, GearSystem, Mesh
 VANISHING = 1e-9
 """A harmonic below this part of the present one has vanished but for rounding."""
 NEGLIGIBLE = 0.01
-"""What is left of a coupling below this part is less than the errors of first order in epsilon, and counts as none."""
+"""A rest of a coupling below this part is smaller than the errors of first order in epsilon, and counts as none."""
 MOST_TOGETHER = 4
 """Meshes whose contact ratios are changed together."""
 

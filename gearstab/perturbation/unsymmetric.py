@@ -38,11 +38,11 @@ from gearstab.system import Array
 ROUNDING = 1e-12
 """Parts of a matrix below this part of its largest entry are rounding."""
 DEFECT = 1e-7
-"""What a rounding error may do, relative, to the eigenvalues of a matrix of two that coincide: its square root."""
+"""Relative effect of a rounding error on the eigenvalues of a matrix of two that coincide: its square root."""
 LARGEST = 2.0**20
 """Factors on the coupling beyond which a tongue of groups counts as one that never opens."""
 HALVINGS = 30
-"""Of the factor, in its logarithm: the threshold of groups has nine digits."""
+"""Halvings of the factor, in its logarithm: the threshold of groups has nine digits."""
 
 
 def decaying(mean: Array) -> tuple[Array, Array]:
@@ -117,7 +117,7 @@ class _Damped:
         self.parts, self.p = (mean_p, mean_q, forward, backward), forward.shape[-2]
 
     def subset(self, rows: Array) -> _Damped:
-        """Those of some rows."""
+        """Return the coefficients of some rows."""
         return _Damped(*(part[rows] for part in self.parts))
 
     def matrix(self, factor: Array) -> Array:

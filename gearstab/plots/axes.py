@@ -93,12 +93,12 @@ class FigureAxis:
 
     @property
     def label(self) -> str:
-        """What stands beside the axis."""
+        """Label of the axis."""
         return axis_label(self.name, self.long_name, self.units, self.meshes)
 
     @property
     def short_label(self) -> str:
-        """What stands beside an axis without room: the symbol, or the name without one, and the unit."""
+        """Label of an axis without room: the symbol, or the name without one, and the unit."""
         return short_label(self.name, self.meshes) + bracketed(self.units)
 
     @property

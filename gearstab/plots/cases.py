@@ -72,7 +72,7 @@ def thinned(sizes: list[int], most: int) -> list[list[int]]:
 
 
 def caption(free: tuple[FigureAxis, ...], chosen: Index) -> str:
-    """What tells one combination from the others."""
+    """Words that distinguish one combination from the others."""
     return ", ".join(axis.caption(chosen[axis.name]) for axis in free)
 
 

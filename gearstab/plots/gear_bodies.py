@@ -244,7 +244,7 @@ def draw_mode(ax: Axes, modes: xr.Dataset, p: int) -> dict[str, Any]:
 
 
 def legend(picture: Mapping[str, Any]) -> list[Line2D]:
-    """What the colours and dots of a picture mean."""
+    """Legend of the colours and dots of a picture."""
     lines = [Line2D([], [], color=COLOURS[body], linewidth=1.2, label=NAMED[body]) for body in COLOURS]
     dot: dict[str, Any] = {"marker": "o", "linestyle": "none", "markeredgecolor": "#6b3fa0", "markeredgewidth": 0.7}
     return [

@@ -1,4 +1,4 @@
-"""What a kind of figure is, and what a result holds that makes one kind suit it."""
+"""Base of the kinds of figures, and the contents of a result that make a kind suit it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gearstab.results.display import SPEEDS
 
 @dataclass(frozen=True)
 class Contents:
-    """What a result holds, and which axes a request leaves free."""
+    """Contents of a result, and the axes that a request leaves free."""
 
     tree: xr.DataTree
     request: Request
@@ -40,7 +40,7 @@ class Contents:
 
     @property
     def parameters(self) -> list[FigureAxis]:
-        """Those along which the mesh frequency does not vary."""
+        """Axes along which the mesh frequency does not vary."""
         return [axis for axis in self.free if axis.name not in SPEEDS]
 
     @property

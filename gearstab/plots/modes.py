@@ -224,7 +224,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
 
 
 def _suits(contents: Contents) -> bool:
-    """Of modes alone, and of a single point of a sweep, which gives nothing else to draw."""
+    """Suits modes alone, and a single point of a sweep, which gives nothing else to draw."""
     idle = contents.by_itself and not contents.free and not contents.request.select
     return contents.holds("modes") and (idle or not contents.axes)
 

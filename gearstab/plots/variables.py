@@ -43,7 +43,7 @@ def default_variable(tree: xr.DataTree) -> str:
 
 
 def colour_label(tree: xr.DataTree, variable: str) -> str:
-    """What stands beside the colour bar."""
+    """Label of the colour bar."""
     data = find_variable(tree, variable)[1]
     words = "growth rate" if variable == GROWTH_RATE else str(data.attrs.get("long_name", ""))
     return axis_label(variable, words, units_of(data))

@@ -1,4 +1,4 @@
-"""What of a result a figure shows: the request of the user, and the slice with its one or two axes."""
+"""Part of a result that a figure shows: the request of the user, and the slice with its one or two axes."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class MapView(View):
 
 @dataclass(frozen=True)
 class Request:
-    """What the user asked for; ``x`` and ``y`` default to the mesh frequency and epsilon.
+    """Wishes of the user; ``x`` and ``y`` default to the mesh frequency and epsilon.
 
     unit: units of axes instead of those that were typed, see :func:`gearstab.results.display.in_display_units`.
     partial: whether a figure may leave something out where all would be too much; else that is an error.

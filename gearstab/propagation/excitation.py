@@ -1,4 +1,4 @@
-"""What drives a system, and when: the external force f(t) and the transmission errors of the meshes.
+"""Excitation of a system: the external force f(t) and the transmission errors of the meshes.
 
 With tau the part of the common period that has passed, t = tau T, and
 
@@ -151,7 +151,7 @@ def _series(system: GearSystem, profile: Fourier, count: int, lag: Array | float
 
 
 def _derivative(series: Array, harmonics: Array, cycles: float) -> Array:
-    """Of series z with respect to Omega t; 2 pi tau = Omega t/N."""
+    """Derivative of series z with respect to Omega t; 2 pi tau = Omega t/N."""
     result = np.zeros_like(series)
     result[..., 1::2] = series[..., 2::2] * harmonics / cycles
     result[..., 2::2] = -series[..., 1::2] * harmonics / cycles

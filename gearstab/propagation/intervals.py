@@ -52,7 +52,7 @@ class SteadyPoints:
 
     @property
     def excitation(self) -> Excitation:
-        """What drives the rows."""
+        """Excitation of the rows."""
         return self.equation.drive
 
     @property
@@ -168,7 +168,9 @@ class Stepped:
             yield p, shift
 
     def _maps(self, begin: Array, width: Array) -> Iterator[Map]:
-        """Of the Magnus steps that begin at fractions ``(S,)`` and have widths ``(S,)``, many prepared at once."""
+        """Return the generators of the Magnus steps that begin at fractions ``(S,)`` and have widths ``(S,)``, many
+        prepared at once.
+        """
         points, m = self.points, self.points.basis.size
         count = max(1, ENTRIES // (8 * len(points.at) * (m + 2) ** 2))
         for i in range(0, len(begin), count):

@@ -19,7 +19,7 @@ RELATIVE = 1e-11
 """Error of a step as a part of the state. That of 20 periods of 41 intervals, m = 72, is 2e-12."""
 
 DEGREES = (16, 32, 64)
-"""Of polynomials that may stand for what varies in an interval, each tried where the one before is not enough."""
+"""Degrees of polynomials that approximate what varies in an interval, each tried where the one before is not enough."""
 RESOLVED = 1e-14
 """Size of the last coefficients of such a polynomial, as a part of the largest."""
 
@@ -55,7 +55,9 @@ def followed(points: SteadyPoints, q: int, x: Array, fractions: Array) -> tuple[
 
 @dataclass(frozen=True)
 class _Momentary:
-    """What varies in an interval: 1, the functions in A, then the force on x, ``(X, 1 + J + m)`` at fractions."""
+    """Return the functions that vary in an interval: 1, the functions in A, then the force on x, ``(X, 1 + J + m)`` at
+    fractions.
+    """
 
     points: SteadyPoints
     q: int

@@ -194,7 +194,7 @@ class PhaseEquation(Equation):
         return result
 
     def _pushes(self, path: Path, steps: Steps, place: Array, growth: Array, eigen: Eigen) -> Array:
-        """What b adds to y in every step, ``(S, m)``."""
+        """Return the contribution of b to y in every step, ``(S, m)``."""
         if not self.drive.acts:
             return np.zeros_like(growth)
         duration, values = (steps.duration * self.rate)[:, None], self.middles[place, 0]

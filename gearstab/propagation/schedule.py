@@ -31,7 +31,7 @@ class Source:
 
 
 def sources(system: GearSystem, counts: Sequence[float]) -> tuple[Source, ...]:
-    """What varies: the mesh stiffnesses, then all profiles of the terms.
+    """Coefficients that vary: the mesh stiffnesses, then all profiles of the terms.
 
     counts: how many cycles of each are in the unit of time.
     """
@@ -55,7 +55,7 @@ class Functions:
 
     @property
     def rows(self) -> int:
-        """Of the flattened batch."""
+        """Rows of the flattened batch."""
         return prod(self.batch)
 
     def flat(self, values: Array, core: int = 0) -> Array:

@@ -29,17 +29,17 @@ NORM = 1.2
 MAP, MAP_CUBE, STATE, NUMBER = 7e-5, 9e-10, 5e-6, 2.5e-8
 """Seconds of the map over an interval with m states, and of each m^3; of a state that it gives; of a number kept."""
 ENTRY_OF_MAP = 1e-9
-"""Of an entry of a map that is applied to a state of many periods."""
+"""Cost of an entry of a map that is applied to a state of many periods."""
 STEP, STEP_CUBE, DOUBLED = 4e-5, 4e-8, 14
 """The same of a step where functions vary smoothly; and how many such steps are taken for one that is sought first."""
 SLOPE, SLOPE_SQUARE, SLOPES = 3e-5, 2e-9, 40
-"""Of a slope of a single motion through smooth functions, each m^2; slopes in a vibration of the fastest mode."""
+"""Cost of a slope of a single motion through smooth functions, each m^2; slopes in a vibration of the fastest mode."""
 PRODUCT = 1e-9
-"""Of a term of a Fourier integral."""
+"""Cost of a term of a Fourier integral."""
 SHARE = 8e-6
-"""Of a sample whose mesh force is shared out among the teeth."""
+"""Cost of a sample whose mesh force is shared out among the teeth."""
 RAMP, RAMP_SQUARE, RAMP_CUBE = 8e-6, 2e-9, 3e-9
-"""Of a step of a run-up with m states, each m^2; with functions that vary smoothly each m^3 instead."""
+"""Cost of a step of a run-up with m states, each m^2; with functions that vary smoothly each m^3 instead."""
 
 
 def motion_with_backlash(system: GearSystem, duration: float) -> str | None:
@@ -54,7 +54,7 @@ def motion_with_backlash(system: GearSystem, duration: float) -> str | None:
 
 
 def said(seconds: float, why: str) -> str | None:
-    """What is said beforehand of so much work; None of less than LONG."""
+    """Return the warning before so much work; None below LONG."""
     if seconds < LONG:
         return None
     text = f"{seconds:.0f} seconds" if seconds < 120 else f"{seconds / 60:,.0f} minutes"

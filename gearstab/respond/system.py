@@ -114,7 +114,7 @@ def _initial(wanted: Respond) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _period(wanted: Respond, system: GearSystem) -> float:
-    """Of the first mesh."""
+    """Return the period of the first mesh."""
     return tau / (wanted.mesh_frequency * float(system.meshes[0].frequency_ratio))
 
 

@@ -25,7 +25,7 @@ Array = np.ndarray
 LEVEL = 1
 """The fastest that looks for repetitions, of ISA-L and of zlib: higher levels of ISA-L gain nothing."""
 FILTER = {"compression": "gzip", "compression_opts": LEVEL, "shuffle": False}
-"""What says so to :meth:`h5py.Group.create_dataset`."""
+"""Arguments for :meth:`h5py.Group.create_dataset`."""
 PROBE = 4093
 """Distance of the bytes that are looked at first: a prime, so that they are no column of an array."""
 

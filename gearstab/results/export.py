@@ -28,7 +28,7 @@ Array = np.ndarray
 
 PREFERRED = ("floquet", "boundaries", "perturbation", "uncoupled", "response", "bench", "modes")
 ROWS_AT_ONCE, BYTES_AT_ONCE = 1 << 15, 1 << 26
-"""Of a table: what is made text together, and what is read together."""
+"""Rows of a table that are made text together, and that are read together."""
 
 
 def export(

@@ -1,4 +1,4 @@
-"""What a result must not be written over."""
+"""Files that a result must not replace."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ Look = Callable[[Path], None]
 
 @dataclass(frozen=True)
 class Content:
-    """What a command writes, and what of it may be replaced.
+    """Kind of file that a command writes and may replace.
 
     name: in messages; ending: of its names. fault: what is wrong with the file at a path, so that it is not replaced;
     "" where it is such a content.
@@ -203,7 +203,7 @@ def sync(path: Path) -> None:
 
 
 def _status(out: Path) -> os.stat_result | None:
-    """What is at an output, links followed; None for nothing. Raises OutputError where there can be nothing."""
+    """Return the file at an output, links followed; None for nothing. Raises OutputError where there can be nothing."""
     number = _descriptor(out)
     try:
         return os.stat(out) if number is None else os.fstat(number)

@@ -1,4 +1,4 @@
-"""What every result says about where it comes from: attributes of the root, and the modes of the base system."""
+"""Provenance of a result: attributes of the root, and the modes of the base system."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gearstab.version import __version__
 
 
 class Origin(Protocol):
-    """What a result says of the configuration that it comes from: title, text as run, digest."""
+    """Attributes of a result on its configuration: title, text as run, digest."""
 
     @property
     def title(self) -> str: ...

@@ -10,13 +10,13 @@ from gearstab.results.variables import Variable
 from gearstab.system import GearSystem
 
 ROTATION = {"m": "rad", "m/s": "rad/s", "kg^-1/2": "kg^-1/2 m^-1"}
-"""Of a displacement, a velocity and an entry of a mode normalised by the mass matrix: the same of a rotation.
+"""Units of a displacement, a velocity and an entry of a mode normalised by the mass matrix: the same of a rotation.
 
 With Phi^T M Phi = I an entry is a coordinate over sqrt(kg) m, whatever the other coordinates are.
 """
 
 TORSIONAL = {**ROTATION, "N": "N m", "N^2 s": "N^2 m^2 s", "m^2 s": "rad^2 s"}
-"""Of a mesh deflection, a mesh force and their spectra: the same of a mesh whose stiffness is torsional."""
+"""Units of a mesh deflection, a mesh force and their spectra: the same of a mesh whose stiffness is torsional."""
 
 OF_MESHES = frozenset(("mesh", "event", "peak"))
 """Dimensions of variables that concern a mesh."""

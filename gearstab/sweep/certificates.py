@@ -52,7 +52,7 @@ class CertifiedRow:
 
 @dataclass(frozen=True)
 class ProvedRow:
-    """What of a row is proved: share of the mesh frequencies, widest rest relative to them; pieces that are not.
+    """Proved part of a row: share of the mesh frequencies, widest rest relative to them; pieces that are not.
 
     points: of a grid, how many; share and widest are then those of points, and 0.
     """
@@ -98,7 +98,7 @@ def certified(path: Path) -> tuple[list[CertifiedRow], tuple[float, float]]:
 
 
 def _pieces(planned: Plan, found: xr.Dataset) -> list[CertifiedRow]:
-    """Those of ``methods.boundaries``."""
+    """Return the certified rows of ``methods.boundaries``."""
     ends = found["certificate_frequency"].transpose(*planned.rows, "piece", "side").values
     numbers = found["certificate"].transpose(*planned.rows, "piece", "entry").values
     rows = []
@@ -109,7 +109,7 @@ def _pieces(planned: Plan, found: xr.Dataset) -> list[CertifiedRow]:
 
 
 def _points(planned: Plan, found: xr.Dataset) -> list[CertifiedRow]:
-    """Those of ``methods.floquet``, whose coordinates are found anew."""
+    """Return the certified rows of ``methods.floquet``, whose coordinates are found anew."""
     order = (*planned.rows, *([planned.fast.name] if planned.fast else []))
     marks, stable = (found[name].transpose(*order).values for name in ("certified", "stable"))
     rows = []
@@ -131,7 +131,7 @@ def _point(maker: Maker, omega: float, stable: int) -> Certificate:
 
 
 def _systems(planned: Plan, found: xr.Dataset) -> Iterator[tuple[tuple[int, ...], dict[str, Any], Segments]]:
-    """Of each row its place, its values on the axes, its system."""
+    """Yield the place, the values on the axes and the system of each row."""
     for place in np.ndindex(*(axis.size for axis in planned.row_axes)):
         index = dict(zip(planned.rows, place, strict=True))
         system = planned.config.at({name: np.array([k]) for name, k in index.items()}).build()
@@ -139,7 +139,7 @@ def _systems(planned: Plan, found: xr.Dataset) -> Iterator[tuple[tuple[int, ...]
 
 
 def _plan(path: Path) -> Plan:
-    """What the result was computed from."""
+    """Return the plan that the result was computed from."""
     found = attributes(path)
     source = path.parent / found.get("config_file", path.name)
     try:
@@ -186,7 +186,7 @@ def _of_row(row: CertifiedRow, proved: Sequence[Sequence[bool]], start: float, s
 
 
 class _Notes:
-    """What of a result was looked at, in a file beside it that counts while the result stays as it is."""
+    """Progress of a verification, in a file beside it that counts while the result stays as it is."""
 
     def __init__(self, result: Path) -> None:
         self.path = result.with_name(result.name + ".verified")

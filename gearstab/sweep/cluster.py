@@ -44,7 +44,7 @@ SETTINGS = {
     "distributed.nanny.pre-spawn-environ": dict.fromkeys(ONE_THREAD, 1),
     "distributed.worker.profile.enabled": False,
 }
-"""Of our own scheduler and workers. What a worker was at that dies is tried again by itself at once.
+"""Settings of our own scheduler and workers. Work of a worker that dies is repeated at once.
 
 With Dask's own settings the workers return memory to the system after every array, and a profiler looks at them a
 hundred times a second, which takes a third of their processor time."""
@@ -54,7 +54,7 @@ WINDOW = 2
 
 @dataclass(frozen=True)
 class About:
-    """What must be the same on all machines for their numbers to be: versions of gearstab and NumPy."""
+    """Versions that must be the same on all machines for their numbers to be: versions of gearstab and NumPy."""
 
     version: str
     numpy: str
@@ -216,7 +216,9 @@ def _same(plan: bytes) -> bytes:
 
 
 def _packed(plan: Plan, block: GridBlock) -> bytes | None:
-    """What a block takes over from an earlier result, which workers need not reach; None where that is nothing."""
+    """Values that a block takes over from an earlier result, which workers need not reach; None where that is
+    nothing.
+    """
     taken = taken_over(plan, block)
     return None if taken is None else bytes(compress(pickle.dumps(taken), LEVEL))
 

@@ -166,7 +166,7 @@ def _indices(old: Axis, new: Axis) -> Array:
 
 
 def _points(axis: Axis) -> list[tuple[Any, ...]]:
-    """What every point of an axis sets, number by number with all bits."""
+    """Numbers that every point of an axis sets, number by number with all bits."""
     labels = axis.values if isinstance(axis.values, list) else [""] * axis.size
     columns = [
         [repr(value) for value in item.values] if item.structural else np.asarray(item.values, dtype=float).tolist()

@@ -101,7 +101,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a sweep computes.
+    """Plan of a sweep.
 
     base: the system at the base values. fast: the axis that is the mesh frequency and nothing else, None without one.
     taken: what is taken over from an earlier result instead.

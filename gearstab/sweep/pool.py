@@ -1,4 +1,4 @@
-"""Who computes the blocks on this machine: this process, its threads, or a pool of processes.
+"""Executors of the blocks on this machine: this process, its threads, or a pool of processes.
 
 A first block is computed here. If what remains is worth it the others go to threads, where the method spends its time
 outside of Python, and else to processes (joblib's loky), which write part files and return receipts: a process that is
@@ -41,7 +41,7 @@ WORTH_THREADS, WORTH_PROCESSES = 0.05, 3.0
 PATIENCE = 1.0
 """Seconds that an interrupted sweep leaves to its processes for the blocks that they compute."""
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Those that keep the processes of a pool from competing for processors."""
+"""Variables that keep the processes of a pool from competing for processors."""
 
 WARNINGS = "PYTHONWARNINGS"
 TRACKERS = ("joblib.externals.loky.backend.resource_tracker", "multiprocessing.resource_tracker")
@@ -57,7 +57,7 @@ class Failure:
 
 Result = FinishedBlock | Failure
 Executor = Callable[[Plan, Sequence[GridBlock], Store, Reporter], Generator[Result, None, None]]
-"""What computes blocks of one method, in any order; closing the generator stops all work."""
+"""Generator that computes blocks of one method, in any order; closing the generator stops all work."""
 
 
 def run_blocks(

@@ -1,4 +1,4 @@
-"""What a sweep tells while it runs; this one listens to nothing. The command line has one that draws a bar."""
+"""Events of a running sweep; this class ignores them. The command line has one that draws a bar."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ MOST_FAILURES = 10
 
 @dataclass(frozen=True)
 class RegionSearches:
-    """What searches for all regions of systems rest on.
+    """Assumptions of searches for all regions of systems rest on.
 
     step: largest distance of samples in what is neither proved nor counted, relative; 0 where everything is. coarse:
     systems that were sampled there in equal steps only. proved, counted: shares of the stable mesh frequencies that are
@@ -51,7 +51,7 @@ class RegionSearches:
 
 @dataclass(frozen=True)
 class Summary:
-    """What a sweep did.
+    """Summary of a sweep.
 
     points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
     unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
@@ -125,7 +125,7 @@ def run(
 
 
 def _damaged(count: int) -> str:
-    """What is said of part files that are of no use."""
+    """Message on part files that are of no use."""
     return f"{_blocks(count)} damaged, or not as this sweep writes them: computed again"
 
 
@@ -140,7 +140,7 @@ def _remove_parts(plan: Plan, folder: PartFolder) -> None:
 
 @dataclass(frozen=True)
 class Work:
-    """What a sweep computes, where it keeps that, who computes it, whom it tells, and how many failures it bears.
+    """A run: its plan, store, executor, reporter and the number of failures that it bears.
 
     jobs: threads or processes. scheduler: where the workers are, None for this process and its pool. forecast: what it
     will take, None of a sweep that is plainly small.
@@ -214,7 +214,7 @@ def _refresh(plan: Plan, out: Path, found: earlier.Earlier) -> None:
 
 
 def _others(folder: PartFolder, others: list[Path]) -> str:
-    """What the user should know of finished blocks that nothing will use unless the configuration is changed back."""
+    """Return a note on finished blocks that nothing will use unless the configuration is changed back."""
     size = sum(file.stat().st_size for path in others for file in path.glob("*.part") if file.is_file())
     number = f"{len(others)} earlier state{'s' * (len(others) > 1)}"
     return (
@@ -267,7 +267,7 @@ def _note(failure: Failure, store: Store, failures: list[Failure]) -> None:
 
 
 def _failed(failures: list[Failure], store: Store) -> BaseException:
-    """What to raise: an unexpected exception itself, else one line."""
+    """Return the error to raise: an unexpected exception itself, else one line."""
     kept = _kept(store)
     for failure in failures:
         if failure.error is not None and not isinstance(failure.error, MemoryError):
@@ -305,7 +305,7 @@ def _unwritable(error: OSError, store: Store) -> SweepError:
 
 
 def _kept(store: Store) -> str:
-    """What is said of finished blocks after an error; nothing where they are not kept."""
+    """Return a note on finished blocks after an error, "" where they are not kept."""
     if not store.kept:
         return ""
     count = store.rescue()

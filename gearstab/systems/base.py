@@ -36,7 +36,7 @@ class Start:
 
 
 START_MESH = {"mean_stiffness": 2.0e8, "epsilon": 0.2, "contact_ratio": 1.6}
-"""Of spur gears of steel, some centimetres wide, in N/m."""
+"""Mesh of spur gears of steel, some centimetres wide, in N/m."""
 
 
 class System(Section):
@@ -51,11 +51,11 @@ class System(Section):
     """Default mesh names; further meshes are mesh1, mesh2, ..."""
 
     mesh_model: ClassVar[type[ToothMesh]] = ToothMesh
-    """Whose rules the meshes follow."""
+    """Formulation whose rules the meshes follow."""
     needs_units: ClassVar[bool] = False
     """Whether numbers of its own, of materials say, are in SI units."""
     start: ClassVar[Start | None] = None
-    """What ``gearstab init`` prints; a kind without one is not offered there."""
+    """Text that ``gearstab init`` prints; a kind without one is not offered there."""
 
     damping_ratio: NonNegative | None = Field(
         default=None,

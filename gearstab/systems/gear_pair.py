@@ -30,7 +30,7 @@ OF_GEARS = ("teeth", "inertias", "torsional_stiffness", "single_contact_angle", 
 """Keys of a pair that is given by its gears, and not by an equivalent mass and a mesh."""
 
 DECISIVE = ("torsional_stiffness", "single_contact_angle", "torque")
-"""Those that a pair given by an equivalent mass and a mesh can have no use for."""
+"""Fields that a pair given by an equivalent mass and a mesh can have no use for."""
 LEAVE_OUT = "leave it out: equivalent_mass and meshes say all; kind: gearbox computes them from teeth and module"
 
 TOGETHER = f"two gears are given by {', '.join(OF_GEARS[:3])}, single_contact_angle or contact_ratio, torque"
@@ -207,7 +207,9 @@ class RotatingGearPair(System):
 
     @classmethod
     def _incomplete(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """What must be given and what may be left out, where numbers of teeth stand there and something is missing."""
+        """Return the fields that must be given and those that may be left out, where numbers of teeth stand there and
+        something is missing.
+        """
         needed = ("inertias", "torsional_stiffness", "torque")
         missing = [key for key in needed if raw.get(key) is None]
         if raw.get("contact_ratio") is None and raw.get("single_contact_angle") is None:

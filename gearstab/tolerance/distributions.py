@@ -47,7 +47,7 @@ class Distribution(ABC):
 
 @dataclass(frozen=True)
 class Normal(Distribution):
-    """Of mean ``mean`` and standard deviation ``deviation``."""
+    """Normal distribution of mean ``mean`` and standard deviation ``deviation``."""
 
     mean: float
     deviation: float
@@ -99,7 +99,9 @@ class Uniform(Distribution):
 
 @dataclass(frozen=True)
 class Triangular(Distribution):
-    """Of a density that rises from zero at ``low`` to its peak at ``mode`` and falls to zero at ``high``."""
+    """Triangular distribution: a density that rises from zero at ``low`` to its peak at ``mode`` and falls to zero at
+    ``high``.
+    """
 
     low: float
     mode: float

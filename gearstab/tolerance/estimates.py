@@ -1,4 +1,4 @@
-"""What samples say: a probability with its interval, and the Sobol indices of the parameters."""
+"""Estimates from samples: a probability with its interval, and the Sobol indices of the parameters."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ class Waveform:
     """
 
     said: ClassVar[str] = ""
-    """What the documentation of the key ``kind`` says of it."""
+    """Text on it in the documentation of the key ``kind``."""
     keys: ClassVar[type[Keys]] = Keys
     required: ClassVar[tuple[str, ...]] = ()
     """Keys that must be given."""

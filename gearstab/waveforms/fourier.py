@@ -110,7 +110,7 @@ class Fourier(Waveform):
 
 
 def _degrees(coefficients: Array) -> Array:
-    """Of each row ``(r, S)`` the highest order that counts, 0 where all vanish."""
+    """Return for each row ``(r, S)`` the highest order that counts, 0 where all vanish."""
     size = np.abs(coefficients)
     counts = size > NEGLIGIBLE * size.max(axis=1, keepdims=True, initial=0.0)
     return np.max(np.where(counts, np.arange(1, size.shape[1] + 1), 0), axis=1, initial=0)

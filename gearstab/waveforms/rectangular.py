@@ -59,7 +59,7 @@ class Rectangular(Waveform):
 
     @property
     def stiffer_level(self) -> Array:
-        """That of floor(c) + 1 pairs, also where an integer contact ratio lets the wave not reach it."""
+        """Stiffness of floor(c) + 1 pairs, also where an integer contact ratio lets the wave not reach it."""
         return 1.0 - self.stiff_fraction
 
     def fourier(self, order: int) -> tuple[Array, Array]:

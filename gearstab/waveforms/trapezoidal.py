@@ -81,7 +81,7 @@ class Trapezoidal(Waveform):
 
     @property
     def _share(self) -> Array:
-        """That part over r, 1 up to a period."""
+        """Return that part over r, 1 up to a period."""
         r = np.asarray(self.ramp, dtype=float)
         return np.where(r > 1, self._width / np.maximum(r, 1.0), 1.0)
 
@@ -110,11 +110,11 @@ class Trapezoidal(Waveform):
 
     @property
     def stiffer_level(self) -> Array:
-        """That of floor(c) + 1 pairs, also where ramps or an integer contact ratio let the wave not reach it."""
+        """Stiffness of floor(c) + 1 pairs, also where ramps or an integer contact ratio let the wave not reach it."""
         return 1.0 - self.stiff_fraction
 
     def fourier(self, order: int) -> tuple[Array, Array]:
-        """Those of the rectangular wave times sin(s pi r)/(s pi r), turned by the delay."""
+        """Return the coefficients of the rectangular wave times sin(s pi r)/(s pi r), turned by the delay."""
         angle = np.pi * order * self.stiff_fraction
         factor = 2 * np.sin(angle) / (np.pi * order) * np.sinc(order * np.asarray(self.ramp, dtype=float))
         turned = angle + 2 * np.pi * order * np.asarray(self.delay)

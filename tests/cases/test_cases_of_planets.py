@@ -99,7 +99,7 @@ def test_what_is_not_modelled_is_said_in_one_line(name: str, words: str) -> None
         ("carrier: {inertia: 2}", "give planetary_sets"),
         ("helix_angle: 12 deg", "helical teeth belong to gears"),
         ("shaft_angle: 90 deg", "axes are parallel"),
-        ("tip_relief: 20 um", "they are involutes"),
+        ("tip_relief: 20 um", "mesh relief: {tip:"),
     ],
 )
 def test_keys_of_other_programs_say_what_is_not_modelled_in_every_kind(tmp_path: Path, system: str, words: str) -> None:

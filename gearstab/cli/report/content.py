@@ -41,7 +41,7 @@ LIMITS = (
 
 SUMMED = " of one mesh frequency at a time, the largest deviations of all added up"
 STEPS = ("instability regions", "pictures", "contact of the teeth", "uncertainty")
-"""What :func:`page` says that it begins; a search of designs says more before the first."""
+"""Steps that :func:`page` announces; a search of designs says more before the first."""
 
 
 def page(config: Config, say: Callable[[str], None], unit: str = "") -> Page:

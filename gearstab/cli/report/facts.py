@@ -196,7 +196,7 @@ def search_work(system: GearSystem, low: float, high: float) -> float:
 
 
 def _certified(config: Config, system: GearSystem, found: Boundaries) -> str:
-    """What of the range has certificates, "" where they are not asked for."""
+    """Share of the range with certificates, "" where they are not asked for."""
     if config.methods.boundaries is None or not config.methods.boundaries.certificate:
         return ""
     from gearstab.certificates.covering import certificates

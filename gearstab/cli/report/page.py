@@ -1,4 +1,4 @@
-"""What a report is made of, whatever it is written as."""
+"""Parts of a report, independent of the format that it is written in."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``gearstab sweep`` says at its end of points whose answers need a word."""
+"""Notes of ``gearstab sweep`` at its end on points whose answers need a word."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What commands share: options, what is printed where, errors and exit codes, progress."""
+"""Parts that commands share: options, output, errors and exit codes, progress."""

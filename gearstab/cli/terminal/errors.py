@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from gearstab.config import Config
 
 FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE)
-"""What may happen to an output however right the input is."""
+"""Errors that an output can meet although the input is right."""
 
 STARVED = ("failed to map segment", "cannot allocate memory", "can't start new thread")
-"""What the system says where there is no memory to load a library or to start a thread."""
+"""Messages of the system where there is no memory to load a library or to start a thread."""
 
 
 @contextmanager
@@ -58,7 +58,9 @@ def text(error: Exception) -> str:
 
 
 def _shortage(error: BaseException | None) -> BaseException | None:
-    """What says that memory was lacking: an error, or what caused it, as imports make other errors of one."""
+    """Return the error that says that memory was lacking: this one or its cause, as imports make other errors of
+    one.
+    """
     found = None
     while error is not None:
         told = isinstance(error, ImportError | RuntimeError) and any(text in str(error).lower() for text in STARVED)

@@ -1,1 +1,1 @@
-"""What is looked at beyond each value by itself: files, stiffness levels, whether systems can exist, likely slips."""
+"""Checks beyond each value by itself: files, stiffness levels, whether systems can exist, likely slips."""

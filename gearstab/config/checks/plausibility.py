@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gearstab.systems.gearbox.train import Train
 
 TURBINE = 1e10
-"""Of masses and inertias: ten times the rotor of a wind turbine of 20 MW (kg m^2)."""
+"""Largest plausible mass or inertia: ten times the rotor of a wind turbine of 20 MW (kg m^2)."""
 USUAL: dict[tuple[str, str], tuple[float, float, str]] = {
     ("module", "m"): (2e-5, 0.2, "mm"),
     ("face_width", "m"): (1e-4, 3.0, "mm"),
@@ -74,7 +74,7 @@ OUT_OF_PROPORTION = 1e3
 
 
 def doubts(document: Document, config: Config, system: GearSystem) -> list[Problem]:
-    """What in a valid configuration is hardly meant as it stands. system: that of the base values."""
+    """Return the doubtful entries of a valid configuration. system: that of the base values."""
     found = [*_axes(document, config)]
     for path, message, hint in config.system.doubts():
         found.append(document.problem(("system", *path), "unusual", message, hint))
@@ -155,7 +155,7 @@ def _unusual(
 
 
 def _meant(value: float, unit: str, likely: str, usual: tuple[float, float]) -> str:
-    """What was likely meant by a plain number."""
+    """Return the likely meaning of a plain number."""
     units = () if unit == "1" else (unit,)
     said = f"plain numbers are {'ratios' if unit == '1' else f'in {unit}'}"
     fits = usual[0] <= to_si(f"{value!r} {likely}", units) <= usual[1]

@@ -14,7 +14,7 @@ from gearstab.config.document.problems import ConfigError, Path
 from gearstab.config.document.yaml import DEEPEST, NO_CHARACTER, Document, Where, paths_below
 
 NAME = "configuration"
-"""What messages call it in the place of a file."""
+"""Name in messages, in place of a file."""
 
 
 def document_of(data: Mapping[str, Any], name: str = NAME) -> Document:

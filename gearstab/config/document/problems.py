@@ -1,4 +1,4 @@
-"""What is wrong with a configuration, in the words of the one who wrote it."""
+"""Mistakes in a configuration, in the words of the one who wrote it."""
 
 from __future__ import annotations
 

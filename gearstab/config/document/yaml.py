@@ -22,7 +22,7 @@ Node = Any
 ESCAPE = re.compile(r"\\U(?!000|0010)[0-9a-fA-F]{8}")
 """One that names no character."""
 NO_CHARACTER = re.compile("[\x00\ud800-\udfff]")
-"""What YAML can write and no file can hold: the end of a text, and halves of characters."""
+"""Characters that YAML can write and no file can hold: the end of a text, and halves of characters."""
 TAG = "tag:yaml.org,2002:"
 LONGEST_NUMBER = 400
 """Digits; what has more is beyond double precision anyway, and beyond what Python prints of an integer."""

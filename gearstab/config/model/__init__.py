@@ -1,1 +1,1 @@
-"""What the sections are made of: kinds of values, units, rules across fields, the schema for editors."""
+"""Parts of the sections: kinds of values, units, rules across fields, the schema for editors."""

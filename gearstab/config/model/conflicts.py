@@ -1,4 +1,4 @@
-"""What contradicts itself in a section as meant, beyond what each value by itself may be.
+"""Contradictions within a section, beyond the limits of each value by itself.
 
 A section as meant (:func:`as_meant`) has mappings, lists and texts only where its model has them, so that no rule looks
 at types again; its numbers are as written.

@@ -31,8 +31,8 @@ LARGEST_DENOMINATOR = 1000
 """A decimal number is taken for an exact ratio up to this denominator: 0.6 is 3/5, but 0.6667 is hardly 6667/10000."""
 
 LARGEST_NUMBER, SMALLEST_NUMBER = 1e30, 1e-30
-"""Of a number, and of one that has a unit and is not zero. No gear is near them, whatever the system of units, and
-products of ten numbers stay within double precision."""
+"""Largest number, and least one that has a unit and is not zero. No gear is near them, whatever the system of units,
+and products of ten numbers stay within double precision."""
 LARGEST_RATIO = 10**4
 """Largest ratio of frequencies or tooth numbers; no train has one beyond it, nor beyond its inverse."""
 LARGEST_TERM = 10**9
@@ -341,7 +341,7 @@ def _whole(value: Any) -> Any:
 
 
 Whole = BeforeValidator(_whole)
-"""Of a whole number."""
+"""Largest whole number."""
 
 
 def _name(value: str) -> str:

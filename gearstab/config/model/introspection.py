@@ -1,4 +1,4 @@
-"""What the models of a configuration say about their fields."""
+"""Descriptions of the fields in the models of a configuration."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ def scale(unit: str, si: str) -> float:
 
 
 def _comma(sign: str, whole: str, fraction: str, rest: str) -> UnitError:
-    """What is said of a number with commas, of which some may separate thousands."""
+    """Message for a number with commas, of which some may separate thousands."""
     if not fraction.isdecimal() or "." in whole:
         return UnitError(
             "decimal_comma", "has commas in a number", "use a decimal point, and no separators of thousands"

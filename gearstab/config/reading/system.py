@@ -126,7 +126,9 @@ def _name_meshes(document: Document, model: type[System]) -> None:
 def _read_samples(
     document: Document, model: type[System], section: dict[str, Any], source: FilePath
 ) -> dict[Path, Array]:
-    """What the files of waveforms hold, by the place of the waveform below ``system``; problems are reported."""
+    """Return the contents of the files of waveforms, by the place of the waveform below ``system``; problems are
+    reported.
+    """
     from gearstab.config.checks.samples import waveforms
     from gearstab.waveforms.section import wave_of
 

@@ -124,7 +124,7 @@ def _of_bounds(context: Context, name: str, path: Path, spec: list[Any]) -> Unre
 
 
 def _given(targets: list[Target], otherwise: Any) -> Any:
-    """What a number is that the system does not give: its default, where it has one."""
+    """Return the value of a number that the system does not give: its default, where it has one."""
     default = targets[0].default
     if default is None:
         return otherwise
@@ -202,7 +202,7 @@ def _catalogue(document: Document, path: Path, name: Any) -> list[dict[str, Any]
 
 
 def _fault(rows: list[list[str]]) -> tuple[str, str] | None:
-    """What is wrong with the rows of a catalogue, and what to do."""
+    """Mistakes in the rows of a catalogue, with remedies."""
     if len(rows) < 2:
         return "holds no row of choices", "write paths in the first line and a choice in each further one"
     if len(rows) > MOST_CHOICES:

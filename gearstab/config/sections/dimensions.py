@@ -35,7 +35,7 @@ OF_A_TORQUE = "of a torque, give the force that it is over the base radius"
 
 
 def quantity_at(model: type[System], raw: dict[str, Any], path: Path, declared: Quantity) -> Quantity:
-    """What the number at a path may be, which its field declares, in a section ``system`` as written.
+    """Return the limits of the number at a path, which its field declares, in a section ``system`` as written.
 
     path: below ``system``, or beginning with ``mesh_frequency`` or ``respond``.
     """

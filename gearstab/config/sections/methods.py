@@ -11,7 +11,7 @@ from gearstab.methods import METHODS
 
 
 class _Chosen(Section):
-    """What is computed at every point of the grid; a method that is not named is not run."""
+    """Methods computed at every point of the grid; a method that is not named is not run."""
 
     @property
     def chosen(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What a design can be judged by: names, units and what is computed, without the computation."""
+"""Quantities that judge a design: names, units and needs, without the computation."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ QUANTITIES = {
 """By the name that a configuration uses."""
 
 OBJECTIVES = tuple(name for name in QUANTITIES if name != "tongue_distance")
-"""Those that can be minimised."""
+"""Quantities that can be minimised."""
 
 
 def objective_name(weights: Mapping[str, float]) -> str:

@@ -102,7 +102,9 @@ class UnresolvedAxis:
 
 @dataclass(frozen=True)
 class Context:
-    """What the names in ``sweep`` refer to. raw: the section ``system`` as written, with the matrices of its file."""
+    """Return the parameters that the names in ``sweep`` refer to. raw: the section ``system`` as written, with the
+    matrices of its file.
+    """
 
     document: Document
     model: type[System]

@@ -35,10 +35,10 @@ INPUT_SPEED = "input_speed"
 """Short name of the speed of a gearbox's input, which sets the mesh frequency."""
 
 UNKNOWN_TEETH = "add teeth to system, or give mesh_frequency instead (matrices have no teeth)"
-"""What to do where an input speed is given for a system without teeth."""
+"""Remedy where an input speed is given for a system without teeth."""
 
 NOT_GIVEN = {"damping_ratio": 0.0, "damping": 0.0}
-"""What numbers amount to that may be left out, where the model has None for that."""
+"""Values of numbers that may be left out, where the model has None for that."""
 
 
 class TargetError(ValueError):

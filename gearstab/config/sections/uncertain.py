@@ -94,7 +94,7 @@ class Uncertainties:
 
     @property
     def speed(self) -> tuple[Uncertain, float] | None:
-        """What the mesh frequency is, or deviates by, if it is uncertain, and the factor of the one over the other."""
+        """Return the uncertain mesh frequency, or its deviation, and the factor of the one over the other."""
         found = ((own, factor) for own in self.parameters for path, factor in own.paths if path == MESH_FREQUENCY)
         return next(found, None)
 
@@ -105,7 +105,7 @@ class Uncertainties:
 
 
 def _present(system: System, path: Path) -> Any:
-    """What stands at a path, in a matrix too, which may be one for each row of a batch."""
+    """Return the value at a path, in a matrix too, which may be one for each row of a batch."""
     for length in range(len(path)):
         inner = value_at(system, path[:length])
         if isinstance(inner, np.ndarray):

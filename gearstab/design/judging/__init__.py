@@ -1,1 +1,1 @@
-"""What a design is worth: its quantities over the operating ranges, its objective and its constraints."""
+"""Value of a design: its quantities over the operating ranges, its objective and its constraints."""

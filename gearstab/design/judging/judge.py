@@ -25,7 +25,7 @@ Goal = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Worth:
-    """Of designs ``(rows,)``.
+    """Values of designs ``(rows,)``.
 
     objectives: ``(rows, objectives)``, NaN where a design cannot be built. violation: sum of the relative excesses over
     the limits, infinite where it cannot be built. distance: from the ranges to the nearest region where the first

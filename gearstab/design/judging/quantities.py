@@ -1,4 +1,6 @@
-"""What designs are judged by, of many systems at once; see :data:`gearstab.config.sections.objectives.QUANTITIES`."""
+"""Quantities that judge designs, for many systems at once; see
+:data:`gearstab.config.sections.objectives.QUANTITIES`.
+"""
 
 from __future__ import annotations
 

@@ -21,7 +21,8 @@ from gearstab.systems.base import System
 TIGHT = 1e-12
 """Tolerance of edges that are differentiated."""
 STEP = 1e-4
-"""Of differences, in bounds of a variable: (8 [f(h) - f(-h)] - [f(2h) - f(-2h)])/12h is right to h^4 f'''''/30."""
+"""Step of differences, relative to the bounds of a variable: (8 [f(h) - f(-h)] - [f(2h) - f(-2h)])/12h is right to h^4
+f'''''/30."""
 WEIGHTS = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
 
 Key = tuple[Tongue, int]

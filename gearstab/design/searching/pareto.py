@@ -110,6 +110,6 @@ def _directions(count: int) -> Iterator[Array]:
 
 
 def _of_one_choice(problem: DesignProblem, designs: Array) -> Array:
-    """Those with the same choices as the first one."""
+    """Return the designs with the same choices as the first one."""
     fixed = ~problem.continuous
     return np.asarray(designs[np.all(designs[:, fixed] == designs[0, fixed], axis=1)])

@@ -53,7 +53,7 @@ class Intervals:
         return cls(*(column(name, *kind) for name, kind in KINDS.items()))
 
     def subset(self, index: Array | Sequence[int]) -> Intervals:
-        """Those at the positions ``index``."""
+        """Return the intervals at the positions ``index``."""
         index = np.asarray(index, dtype=int)
         return Intervals(*(getattr(self, f.name)[index] for f in fields(self)))
 

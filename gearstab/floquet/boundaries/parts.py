@@ -73,7 +73,7 @@ class RegionEdges:
     member: Array
 
     def subset(self, index: Array) -> RegionEdges:
-        """Those at the positions ``index``."""
+        """Return the parts at the positions ``index``."""
         count = np.bincount(self.owner, minlength=len(self.row))
         begin, own = (np.cumsum(count) - count)[index], count[index]
         owner = np.repeat(np.arange(len(index)), own)

@@ -163,7 +163,7 @@ class Boundaries:
         return [(self.tongues[k // most], k % most) for k in pairs.tolist()], which
 
     def _flags(self) -> Array:
-        """Of the tongue under which each region stands."""
+        """Return the flags of the tongue to which each region belongs."""
         merged = np.bincount(self.owner, minlength=len(self.row)) > 1
         found = np.full(len(self.row), BOUNDARY_FLAGS["open"])
         for name, where in zip(("merged", "cut_below", "cut_above"), (merged, *self.cut.T), strict=True):

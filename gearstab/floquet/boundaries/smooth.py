@@ -99,7 +99,7 @@ class SteppedPeriod:
 
     @cached_property
     def resolution(self) -> int:
-        """That of CF6:5 at which the multipliers are likely to be right to pi times the tolerance."""
+        """Number of CF6:5 steps at which the error of the multipliers is about pi times the tolerance."""
         return int(first(self.fine, self.pilots, self._decay, np.pi * self.limits.tolerance)[0].max())
 
     def pattern(self, resolution: int) -> Pattern:

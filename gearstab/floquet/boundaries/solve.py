@@ -256,7 +256,9 @@ class _Collected:
         return self.number[key]
 
     def _excitation(self, cycles: int) -> ParametricExcitation:
-        """That of so many cycles in the common period, in which each mesh has a whole number of its own."""
+        """Return the excitation of so many cycles in the common period, in which each mesh has a whole number of its
+        own.
+        """
         if cycles not in self.excitations:
             parts = enumerate(self.cycles[: len(self.system.meshes)])
             harmonics = tuple((k, cycles // own) for k, own in parts if cycles % own == 0)

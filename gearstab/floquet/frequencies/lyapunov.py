@@ -35,14 +35,14 @@ BURN_IN = 0.21421356
 are no whole numbers of periods, which would make all batches alike."""
 BATCHES = 16
 RECORDS = 16
-"""Of the size, in a part of the window as long as a batch."""
+"""Records of the size, in a part of the window as long as a batch."""
 RECORDED = round(BATCHES * RECORDS / (1 - BURN_IN))
 DRIFTS = 2.0
 """Where ln |x| approaches lambda t + ln t, as with a defective multiplier, the halves differ by 3/4 of the error."""
 SEPARATE = 10.0
 """Growths a window that differ by this are told apart."""
 RESOLUTION = 0.5
-"""What the size of a solution may hide, over the length of the window: a change by a factor of 1.6."""
+"""Change of a solution's size that may stay hidden, over the length of the window: a change by a factor of 1.6."""
 FEWEST_STEPS, MOST_STEPS = 8, 128
 """Magnus steps per period of the fastest mesh."""
 POINTS_AT_ONCE = 2048

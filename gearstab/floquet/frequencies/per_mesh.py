@@ -20,7 +20,7 @@ from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
 
 @dataclass(frozen=True)
 class FrequencyGroup:
-    """What varies with one frequency: names of its meshes, joined by ``+``, and Omega_i/Omega."""
+    """Group of meshes with one frequency: names of its meshes, joined by ``+``, and Omega_i/Omega."""
 
     name: str
     ratio: Fraction | float

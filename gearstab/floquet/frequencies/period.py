@@ -20,7 +20,7 @@ SAMPLE = 50
 
 @dataclass(frozen=True)
 class Period:
-    """What a common period consists of.
+    """Parts of a common period.
 
     cycles: N, it is N 2 pi/Omega. mesh_cycles: of each mesh. segments: of constant stiffness, at most; about as many
     exponentials where it is smooth.

@@ -23,7 +23,7 @@ from gearstab.system import Array, GearSystem
 SURE = 0.8
 """A criterion from which on two motions are one."""
 HALVINGS = 12
-"""Of a step between two speeds: motions that exchange their shapes within 1/4096 of it cross."""
+"""Least part of a step between two speeds: motions that exchange their shapes within 1/4096 of it cross."""
 EQUAL = 1e-7
 """Exponents closer than this part of the largest one have no vectors of their own."""
 PAIRED = 1e-9

@@ -40,7 +40,7 @@ LIMITS = (
 MOST_IN_LANES = 64
 """Size of damped matrices whose exponents LAPACK does not find faster."""
 NOTHING = np.empty((2, 0))
-"""What goes with the speed in patterns of which nothing does."""
+"""Speed-dependent part of patterns that have none."""
 TRACELESS = 1e-13
 """Part of the largest entry of a matrix up to which its trace is rounding."""
 ENTRIES_AT_ONCE = 1 << 23
@@ -327,7 +327,7 @@ def _of_chain(chain: Chain) -> tuple[Any, ...]:
 
 
 def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> Array:
-    """What :func:`gearstab.floquet.kernel.lyapunov.moduli` says."""
+    """C version of :func:`gearstab.floquet.kernel.lyapunov.moduli`; same arguments and result."""
     logs = np.empty((len(row), chain.size))
     given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
 
@@ -406,7 +406,7 @@ def chained(
 
 
 def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | None = None) -> Array:
-    """What :func:`gearstab.floquet.kernel.lyapunov.radii` says."""
+    """C version of :func:`gearstab.floquet.kernel.lyapunov.radii`; same arguments and result."""
     chain, row = chain.at(row, cycle, slopes=True)
     if chain.slope is not None:
         return lyapunov.radii(chain, row, cycle, growth)

@@ -19,7 +19,7 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
 ROUNDING = 1e-13
-"""What a proof allows for errors of a segment's propagator, relative: those of rounding."""
+"""Allowance of a proof for errors of a segment's propagator, relative: those of rounding."""
 
 
 EXPONENTIAL = 12.0

@@ -67,7 +67,7 @@ class Generators:
 
     @property
     def real_modes(self) -> tuple[Array, Array, Array]:
-        """What :func:`real_modes` makes of :attr:`eigen`."""
+        """Result of :func:`real_modes` for :attr:`eigen`."""
         return real_modes(*self.eigen)
 
     def row(self, index: int) -> Generators:

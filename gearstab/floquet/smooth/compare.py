@@ -40,7 +40,7 @@ VISIBLE = 1e6
 
 @dataclass(frozen=True)
 class KernelAnswer:
-    """What a kernel says of points ``(r, P)``.
+    """Results of a kernel at points ``(r, P)``.
 
     growth: ln max |lambda| a period before any uniform decay. verdict: int8 as of the kernels, or None with damping.
     values: rho ``(r, P, n)`` of a conservative pattern, multipliers over exp(scale) ``(r, P, m)`` with damping. scale:
@@ -126,7 +126,7 @@ def _difference_conservative(fine: KernelAnswer, coarse: KernelAnswer) -> tuple[
 
 
 def _noise(rho: Array, rounding: Array, largest: Array) -> Array:
-    """What rounding errors of the matrix make of the multipliers ``(P,)``: more where two of them nearly coincide.
+    """Errors of the multipliers due to rounding of the matrix ``(P,)``: more where two of them nearly coincide.
 
     rho ``(P, n)``. Multipliers that coincide without acting on each other do not show it.
     """

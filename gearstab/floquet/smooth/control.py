@@ -75,7 +75,7 @@ class Ladder:
         return whole if rows is None else whole.subset(rows)
 
     def segments(self, resolution: int) -> int:
-        """Of a common period."""
+        """Return the number of segments of a common period."""
         still = int(self.division.constant.sum())
         return (int(self.division.counts(resolution).sum()) - still) * self.scheme.exponentials + still
 
@@ -89,7 +89,7 @@ class Ladder:
 
 @dataclass
 class Estimates:
-    """What is known of points ``(r, P)``.
+    """State of points ``(r, P)``.
 
     omega, decay, tolerance: what they are and how exactly they are wanted, see :func:`estimates`.
     growth, verdict: as of :class:`~gearstab.floquet.smooth.compare.KernelAnswer`. error: estimated, of the multipliers.
@@ -211,7 +211,8 @@ def first(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> tuple
 
 
 def _tried(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> tuple[Array, Array]:
-    """Of pilot points ``(r, k)``: the least resolution at which errors fall as they should, and the wanted one.
+    """Return two resolutions for pilot points ``(r, k)``: the least one at which errors fall as they should, and the
+    wanted one.
 
     Steps are doubled until the differences of two resolutions fall by CONVERGING 2^p at least: then an estimate from
     the coarser of them is above its error, which is about the next difference.

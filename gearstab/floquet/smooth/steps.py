@@ -34,7 +34,7 @@ EVENNESS = 1 / 7
 
 
 ENTRIES_AT_ONCE, TYPICAL = 2**20, 512
-"""Of the stiffness matrices of the rows that are treated together, at so many segments."""
+"""Size of the stiffness matrices of the rows that are treated together, at so many segments."""
 
 NODES = CF6_5.nodes
 CHECKS = np.array([0.02, 0.3, 0.7, 0.98])

@@ -22,7 +22,7 @@ from gearstab.plots.view import Request
 COLOURS = (GIVEN, OPTIMUM)
 GREY = "#6e6e6e"
 WORDS = {"initial": "given"}
-"""What a state is called, if not by its name."""
+"""Names of states in figures, where they differ from those of the result."""
 OBJECTIVES = ("load_factor", "required_damping")
 """Shown instead of the growth rate, which other objectives go with."""
 MOST_LABELS = 7
@@ -68,7 +68,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
 
 
 def words_of(data: xr.Dataset) -> list[str]:
-    """What the designs are called."""
+    """Names of the designs."""
     return [WORDS.get(name, name) for name in data["state"].values.astype(str)]
 
 

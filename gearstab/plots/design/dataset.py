@@ -1,4 +1,4 @@
-"""What the figures of a design share."""
+"""Parts that the figures of a design share."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def design_of(tree: xr.DataTree) -> xr.Dataset:
 
 
 def label_of(tree: xr.DataTree, data: xr.Dataset, variable: str) -> str:
-    """What stands beside the axis of a variable: its name in words, with the symbol that it has."""
+    """Label of the axis of a variable: its name in words, with the symbol that it has."""
     unit = str(data["variable_units"].sel(variable=variable).values)
     return axis_label(variable, path_words(variable), unit, mesh_numbers(tree))
 

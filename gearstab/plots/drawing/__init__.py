@@ -1,1 +1,1 @@
-"""What all figures are drawn with: style, text, headings, names of tongues, grids."""
+"""Parts that all figures are drawn with: style, text, headings, names of tongues, grids."""

@@ -99,7 +99,7 @@ RC: dict[str, Any] = {
 
 PREAMBLE = r"\usepackage{amsmath}"
 PROGRAMS = ("latex", "dvipng")
-"""What matplotlib runs to draw text by LaTeX."""
+"""Programs that matplotlib runs to draw text by LaTeX."""
 LATEX = "latex"
 """The style whose text LaTeX sets, in its own fonts."""
 
@@ -158,7 +158,7 @@ def new_frame(request: Request, aspect: float | tuple[float, float], default: st
 
 
 def metadata(extension: str, title: str) -> dict[str, Any]:
-    """What a file says about itself: never the time, so that two runs give the same bytes."""
+    """Metadata of a file: never the time, so that two runs give the same bytes."""
     if extension == ".png":
         return {"Software": "gearstab", "Title": title}
     if extension == ".pdf":

@@ -37,7 +37,7 @@ SLIVER = GROWTH(0.15)
 """A tongue thinner than a line is a sliver of the lightest growth colours, as it would be among the cells."""
 
 HARMONICS = 6
-"""Of regions that are named by where they lie."""
+"""Harmonics of regions that are named by where they lie."""
 
 ONE_LINE = 0.002
 """Two edges nearer than this part of the frame print as one line."""

@@ -132,7 +132,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
 
 
 def _suits(contents: Contents) -> bool:
-    """Of boundaries alone, and of what they compare: uncoupled modes, or cases beside one axis of numbers."""
+    """Suits boundaries alone, and comparisons: uncoupled modes, or cases beside one axis of numbers."""
     numeric = [axis for axis in contents.parameters if axis.numeric]
     if not (contents.by_itself and contents.over_speed and numeric):
         return False

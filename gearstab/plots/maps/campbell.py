@@ -48,7 +48,7 @@ FAINT, GREY = "#a0a0a0", "#5f5f5f"
 MOST_CLOSED = 60
 """Closed regions of two modes are not marked where there are more of them."""
 SIZES = (1.5, 4.0)
-"""Of a mark, in points: of a line, and of a region from WIDE of the frame on."""
+"""Size of a mark, in points: for a line, and for a region from WIDE of the frame on."""
 WIDE = 0.03
 ALIKE = 1e-6
 """Natural frequencies closer than this part of the frame have one name."""
@@ -422,7 +422,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
 
 
 def _suits(contents: Contents) -> bool:
-    """Of natural frequencies alone."""
+    """Suits natural frequencies alone."""
     regions = any(contents.holds(group) for group in tongues.THEORIES)
     return contents.by_itself and contents.holds(branches.MODES) and contents.drawn is None and not regions
 

@@ -29,7 +29,7 @@ BESIDE = ("growth_rate", "stable", "status", "notices", "dynamic_load_factor")
 """Variables over the points of a map that maps of others need."""
 
 BADNESS = np.array([1, 2, 0], dtype=np.int8)
-"""Of failed, unstable and stable points (-1, 0, 1): a cell shows the worst."""
+"""Codes of failed, unstable and stable points (-1, 0, 1): a cell shows the worst."""
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,9 @@ def draw_bands(tree: xr.DataTree, ax: Axes, view: View) -> tuple[tongues.DrawnTo
 
 
 def chosen_curves(view: View, data: xr.DataArray, request: Request) -> tuple[list[Index], str]:
-    """What each curve over x stands for; of too many those with the largest values, and a sentence that says so."""
+    """Return the meaning of each curve over x; of too many those with the largest values, and a sentence that says
+    so.
+    """
     return some(view.free, len(CASES), "curves", request.partial, lambda c: peak(view.at(**c).cut(data, view.x.name)))
 
 

@@ -33,7 +33,7 @@ LOOKS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "exact": ({"linestyle": "-"}, {"linestyle": "none", "marker": "v"}),
     "adiabatic": ({"linestyle": (0, (4, 1.6))}, {"linestyle": "none", "marker": "x"}),
 }
-"""Of runs upwards and downwards."""
+"""Markers of runs upwards and downwards."""
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
@@ -100,7 +100,7 @@ def _top(dataset: xr.Dataset) -> float:
 
 
 def _legend(cases: list[dict[str, int]], view: Any, rates: Array) -> list[Line2D]:
-    """What colours, lines and marks mean."""
+    """Legend of colours, lines and marks."""
     handles = []
     if len(cases) > 1:
         handles = [Line2D([], [], color=CASES[k], label=caption(view.free, case)) for k, case in enumerate(cases)]

@@ -23,7 +23,7 @@ Artists = dict[str, Any]
 
 GROUP, NAME = "tolerance", "probability"
 LEVELS = (0.01, 0.1, 0.5, 0.9)
-"""Of the contours without --level."""
+"""Levels of the contours without --level."""
 DASHES: tuple[Any, ...] = ("-", (0, (4, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1, 1.5)))
 
 

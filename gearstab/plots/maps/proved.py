@@ -1,4 +1,4 @@
-"""What is proved of a range of mesh frequencies: a tint under the rest of a figure, hatched where certificates are."""
+"""Proved parts of a range of mesh frequencies: a tint under the rest of a figure, hatched where certificates are."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CERTIFIED = "#9fc3a5"
 
 
 class ProvedTint(PolyCollection):
-    """What is proved stable; ``certified``: share of the range with certificates, None without any."""
+    """Ranges that are proved stable; ``certified``: share of the range with certificates, None without any."""
 
     certified: float | None = None
 

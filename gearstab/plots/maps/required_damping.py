@@ -29,7 +29,7 @@ LIGHT = "#f7f3ea"
 
 
 def words(dataset: xr.Dataset) -> str:
-    """What stands beside the colour bar."""
+    """Label of the colour bar."""
     what = "damping factor" if dataset.attrs.get("of") == "factor" else "damping ratio"
     return axis_label(NAME, f"required {what}", "1")
 

@@ -28,7 +28,7 @@ Array = np.ndarray
 Artists = dict[str, Any]
 
 MEASURE = "transmission_error_rms"
-"""What is drawn without --variable."""
+"""Variables drawn without --variable."""
 WORDS = {
     "transmission_error_rms": "transmission error, rms",
     "transmission_error_peak_to_peak": "transmission error, peak to peak",
@@ -132,7 +132,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
 
 
 def _legend(artists: Artists) -> list[Line2D]:
-    """What the marks and the dashes mean, as far as they occur."""
+    """Legend of the marks and dashes that occur."""
     there = {line.get_marker() for line in artists["marks"]}
     style: dict[str, Any] = {"linestyle": "none", "markersize": 3, "markerfacecolor": "white"}
     marks = [

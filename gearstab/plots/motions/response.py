@@ -26,18 +26,19 @@ Artists = dict[str, Any]
 
 MOST_PANELS = 12
 LARGEST = 1e200
-"""Of a history, which ends at 1e155 where it grows: the limits of a panel, which lie beyond in decades, are finite."""
+"""Largest value of a history, which ends at 1e155 where it grows: the limits of a panel, which lie beyond in decades,
+are finite."""
 GROWN = 1000
 """A history that outgrows its first twentieth by this factor is drawn over asinh, which shows its beginning too."""
 
 TURNING = {"rad": "rotation", "rad/s": "angular velocity"}
-"""What displacements and velocities in these units are called."""
+"""Names of displacements and velocities by their units."""
 
 NEAR = 1.0
 """A panel reaches to zero where a history comes as near to it as this part of its range."""
 
 SWING = 0.3
-"""Of the range of a history: what turns back by less is no swing of it."""
+"""Part of the range of a history: what turns back by less is no swing of it."""
 SOLID = 160
 """A history that swings more often than this across a column would be a solid block: its envelopes are drawn."""
 BINS = 100

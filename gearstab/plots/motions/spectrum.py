@@ -24,7 +24,7 @@ Array = np.ndarray
 Artists = dict[str, Any]
 
 FIRST = ("mesh_force_amplitude", "mesh_force_density", "power_spectral_density")
-"""What is drawn without --variable."""
+"""Variables drawn without --variable."""
 FLOOR = 1e-7
 """A density below this part of the largest one, an amplitude below its square root, is not shown."""
 SHOWN = 1e-4

@@ -26,7 +26,7 @@ Array = np.ndarray
 Artists = dict[str, Any]
 
 MEASURES = ("dynamic_load_factor", "mesh_force_peak", "transmission_error_peak_to_peak")
-"""What is drawn without --variable: the first of these that has values."""
+"""Variables drawn without --variable: the first of these that has values."""
 DECADES = 1.5
 """A curve that spans more decades than this is drawn over a logarithmic axis."""
 
@@ -134,7 +134,7 @@ def scale(ax: Axes, curves: list[Array]) -> None:
 
 
 def _suits(contents: Contents) -> bool:
-    """Of responses over speed, as long as there are few curves."""
+    """Suits responses over speed, as long as there are few curves."""
     over = contents.by_itself and contents.holds("response")
     if not over or not any(axis.name in SPEEDS for axis in contents.own("response")):
         return False

@@ -19,7 +19,7 @@ from gearstab.plots.view import Request
 Artists = dict[str, Any]
 
 DYNAMIC = ("tooth_load", "root_stress")
-"""What can be drawn; the static one has ``static_`` before its name."""
+"""Variables that can be drawn; the static one has ``static_`` before its name."""
 
 
 MOST_IN_A_COLUMN = 5

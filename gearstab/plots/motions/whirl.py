@@ -24,7 +24,7 @@ LOOKS: dict[int, tuple[str, Any, str]] = {
 }
 """By the sense of the orbits: colour, line, words."""
 TURNING = "#8a8a8a"
-"""Of lines at the speeds of rotation."""
+"""Colour of lines at the speeds of rotation."""
 
 
 @dataclass(frozen=True)

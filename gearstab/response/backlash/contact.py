@@ -12,10 +12,10 @@ from gearstab.response.linear.equilibrium import static_equilibrium
 from gearstab.system import Array, GearSystem
 
 UPPER, APART, LOWER = 1, 0, -1
-"""What a mesh's contact can be: x = g_i^T q - e_i above, within or below its play."""
+"""States of a mesh's contact: x = g_i^T q - e_i above, within or below its play."""
 
 KINDS = ("separation", "drive_side_contact", "coast_side_contact")
-"""What happens to a mesh."""
+"""Events of a mesh."""
 
 MOST_STATES = 200
 """Combinations of contacts that a static equilibrium is sought in."""

@@ -63,7 +63,7 @@ class Dynamics:
         return np.asarray(self.motion.drive.varying(tau[None])[0])
 
     def generators(self, contact: Array) -> tuple[Array, Array]:
-        """What G consists of with a contact ``(meshes,)``: what is always there, and ``(J, D, D)`` by the functions."""
+        """Return the parts of G with a contact ``(meshes,)``: the constant one, and ``(J, D, D)`` by the functions."""
         closed = contact != APART
         acts = np.where(self.carriers >= 0, closed[self.carriers], True)
         parts = self.parts * acts[:, None, None]
@@ -77,7 +77,7 @@ class Dynamics:
 
 
 def too_rough(tolerance: float) -> NotPossible:
-    """What is said where no piece is short enough."""
+    """Message where no piece is short enough."""
     return NotPossible(f"mesh stiffness too rough for the tolerance {tolerance:g} of motion with backlash")
 
 

@@ -92,7 +92,7 @@ class Chatter(Exception):
 
 @dataclass(frozen=True)
 class Timetable:
-    """What varies when: C cells of the common period.
+    """Cells of the varying coefficients: C cells of the common period.
 
     span: ``(C, 2)``, begin and end;  shapes: ``(C, order, J)``, the varying functions as powers of the part
         of the cell that has passed.
@@ -145,7 +145,7 @@ def _series(dynamics: d.Dynamics, spans: Array, tolerance: float) -> tuple[Array
 
 
 class Contacts:
-    """What generators are made of, for the contacts ``(count, meshes)`` that have occurred."""
+    """Parts of the generators for the contacts ``(count, meshes)`` that have occurred."""
 
     def __init__(self, dynamics: d.Dynamics) -> None:
         self.dynamics, self.count = dynamics, 0

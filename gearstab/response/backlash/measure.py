@@ -1,4 +1,4 @@
-"""What a motion amounts to in every common period, and whether it repeats itself."""
+"""Measures of a motion in every common period, and whether it repeats itself."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SETTLED = 1e-6
 
 @dataclass(frozen=True)
 class LimitCycle:
-    """What a motion settles to, over the whole common periods after the beginning that was left out.
+    """Measures of the settled motion, over the whole common periods after the beginning that was left out.
 
     begin, end: times. Where no common period is complete, all that is after the beginning counts.
     peak_to_peak, rms: ``(meshes,)``, of the mesh deflection g_i^T q, the latter about its mean.
@@ -45,7 +45,7 @@ class LimitCycle:
 
 
 class PerPeriod(NamedTuple):
-    """Of P common periods, or parts of them.
+    """Measures of P common periods, or parts of them.
 
     period: ``(P,)``, their numbers;  low, high, force: ``(P, meshes)``, least and greatest deflection, largest force.
     integrals: ``(P, 3, meshes)``, of the deflection, its square and the lack of contact.

@@ -21,12 +21,12 @@ from gearstab.system import Array, GearSystem
 
 FAILED = BACKLASH_FLAGS["chatter"] | BACKLASH_FLAGS["overflow"]
 SETTLED = BACKLASH_FLAGS["separation"]
-"""What is said of the settled motion only."""
+"""Flag of the settled motion only."""
 
 
 @dataclass(frozen=True)
 class SpeedCycles:
-    """What the motion at every mesh frequency settles to, ``(P, meshes)`` or ``(P,)``; see LimitCycle.
+    """Settled motion at every mesh frequency, ``(P, meshes)`` or ``(P,)``; see LimitCycle.
 
     dynamic_load_factor: mesh_force_peak over the static mesh force; NaN where that is 0.
     multiplier_real, multiplier_imag: ``(P, 2 n)``, of the periodic motion, descending in magnitude; NaN for no more.
@@ -108,7 +108,7 @@ def speed_cycles(
 
 
 def _multipliers(found: list[MotionStability | None], most: int) -> dict[str, Array]:
-    """What SpeedCycles tells of stability; most: multipliers."""
+    """Stability in SpeedCycles; most: multipliers."""
     values = np.full((len(found), most), np.nan, dtype=complex)
     for k, one in enumerate(found):
         if one is not None:

@@ -26,8 +26,8 @@ MOST_ITERATIONS = 12
 CONVERGED, ACCEPTED = 1e-12, 1e-9
 """Residual, in units of the state, at which Newton's method ends, and that is accepted where it gets no smaller."""
 DIFFERENCE = 1e-6
-"""Of the parameter, in its unit, for dP/dp by central differences. It serves directions only: points and what crosses
-there do not depend on its error."""
+"""Step of the parameter, in its unit, for dP/dp by central differences. It serves directions only: points and what
+crosses there do not depend on its error."""
 TURN, GENTLE = 0.3, 0.08
 """Radians between two tangents: beyond the former a step is halved, below the latter the next one is longer."""
 KINK = 1e-4
@@ -46,7 +46,7 @@ STATIONARY = 1e-9
 state, along which multipliers of symmetric systems part."""
 
 FOLD, DOUBLING, NEIMARK_SACKER, BRANCHING = "fold", "period_doubling", "Neimark_Sacker", "branch_point"
-"""What multipliers do where they cross the unit circle."""
+"""Events where multipliers cross the unit circle."""
 END, CLOSED, UNBOUNDED, MORE = "range_end", "closed", "unbounded", "more_points"
 FAILED, LINEAR = "step_failed", "linear_motions"
 """Why a curve ends: at an end of the range, where it began, beyond the largest state; as so many points were asked for,
@@ -54,7 +54,7 @@ or as no step was short enough; or as motions of any amplitude follow at one par
 
 
 class Visit(Protocol):
-    """What a map says of a point: its image, DP ``(m, m)`` there, and its eigenvalues of descending magnitude."""
+    """Values of a map at a point: its image, DP ``(m, m)`` there, and its eigenvalues of descending magnitude."""
 
     @property
     def end(self) -> Array: ...

@@ -11,14 +11,15 @@ from gearstab.response.branches.sections import Lap, SectionMap
 from gearstab.system import Array
 
 LOSSES = {"none": 0, "fold": 1, "period_doubling": 2, "Neimark_Sacker": 3}
-"""What the multiplier of the largest magnitude stands for: it is 1, -1 or one of a pair where stability is lost."""
+"""Kind of stability loss by the multiplier of the largest magnitude: it is 1, -1 or one of a pair where stability is
+lost."""
 NEAR = 1e-3
 """Part of its extent by which a motion may move when it is made periodic."""
 
 
 @dataclass(frozen=True)
 class MotionStability:
-    """Of a periodic motion.
+    """Stability of a periodic motion.
 
     multipliers: ``(m,)`` complex, of descending magnitude;  error: an estimate for them.
     loss: a value of LOSSES, of what is lost, or would be first;  residual: of the motion, relative to its extent.

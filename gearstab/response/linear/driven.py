@@ -50,7 +50,7 @@ class Driven:
 
     @property
     def drive(self) -> Excitation:
-        """What varies and drives."""
+        """Coefficients and excitation."""
         return self.points.excitation
 
     @property

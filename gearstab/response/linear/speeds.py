@@ -24,7 +24,7 @@ STEADY = 1e-12
 
 @dataclass(frozen=True)
 class SpeedResponse:
-    """Of the steady state at every point, ``(rows, P, meshes)`` but for ``status``.
+    """Measures of the steady state at every point, ``(rows, P, meshes)`` but for ``status``.
 
     mesh_force_peak: the largest |k_i (g_i^T q - e_i)| over the common period.
     mesh_force_mean, mesh_force_rms: its mean, and the root mean square of its deviation from the mean.

@@ -1,1 +1,1 @@
-"""What is measured on a motion: extremes, spectra, panels, loads of teeth."""
+"""Measures of a motion: extremes, spectra, panels, loads of teeth."""

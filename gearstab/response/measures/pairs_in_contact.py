@@ -11,7 +11,7 @@ from gearstab.system import Array, GearSystem
 
 @dataclass(frozen=True)
 class Contact:
-    """Of all meshes, ``(rows, meshes)`` each; NaN for waves of which the contact ratio c is not known.
+    """Values of all meshes, ``(rows, meshes)`` each; NaN for waves of which the contact ratio c is not known.
 
     begin: phase from which on the fewest pairs carry, until the end of the mesh period: c - floor(c).
     pairs: how many these are, floor(c).

@@ -21,7 +21,7 @@ MOST_POINTS = 100
 AT_ONCE = 4096
 """Samples whose load is shared out at once: each takes integrals over two or more teeth, 2 kB apiece."""
 AFTER = 1e-9
-"""Of a cycle: a history has the mesh force just after a jump where a sample falls on one."""
+"""Part of a cycle: a history has the mesh force just after a jump where a sample falls on one."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class LoadedTeeth:
 
 @dataclass(frozen=True)
 class ToothLoads:
-    """Of one mesh, over the contact from its first point (0) to its last (1), in the middle of equal parts.
+    """Loads of one mesh, over the contact from its first point (0) to its last (1), in the middle of equal parts.
 
     load, static_load: ``(points,)``, the largest load of a pair, and that under the static mesh force, N.
     stress, static_stress: ``(points, 2)``, at the roots of pinion and wheel, Pa; NaN for an internal gear.

@@ -39,7 +39,7 @@ TINY = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class ErrorGrowth:
-    """What becomes of errors, just after each event ``(events,)``.
+    """Errors just after each event ``(events,)``.
 
     amplification: the factor by which a small error of the initial state has grown, with time in units of 1/w0: the
         Frobenius norm of the derivative, at most LARGEST.

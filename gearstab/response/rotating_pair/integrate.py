@@ -79,7 +79,7 @@ class Crossing(NamedTuple):
 
 @dataclass
 class Run:
-    """What is known of a run so far: its status bits, the time, and when the gears stalled."""
+    """State of a run so far: its status bits, the time, and when the gears stalled."""
 
     status: int = 0
     time: float = 0.0

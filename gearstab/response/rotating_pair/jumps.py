@@ -1,4 +1,4 @@
-"""What becomes of the gears where the number of teeth in contact changes."""
+"""Motion of the gears where the number of teeth in contact changes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a result file can hold: one line per variable, with its dimensions, type, units and long name.
+"""Variables of a result file: one line per variable, with its dimensions, type, units and long name.
 
 Units are SI, as everywhere inside the program; :mod:`gearstab.results.units` replaces them by what the coordinates of
 a system have, and by 1 in a model without units (``system.units: none``). ``1`` is dimensionless.
@@ -54,7 +54,7 @@ class Variable:
 
     @property
     def fill(self) -> float | int:
-        """What stands where nothing was computed."""
+        """Value where nothing was computed."""
         return self.missing if self.missing is not None else nan if self.dtype.startswith("f") else 0
 
     @property
@@ -323,7 +323,7 @@ CERTIFICATES = (
         "uncertified_at_boundary", ("tongue", "side", ROWS), "f8", "1", "width without one around a boundary, relative"
     ),
 )  # fmt: skip
-"""What ``gearstab verify`` proves."""
+"""Claims that ``gearstab verify`` proves."""
 
 
 FIRST_ORDER = (

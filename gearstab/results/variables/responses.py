@@ -1,4 +1,4 @@
-"""What a result holds of motions: over time and at speeds, with backlash, and of pairs given by their gears."""
+"""Variables of motions: over time and at speeds, with backlash, and of pairs given by their gears."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ SPEED_RESPONSE = (
 ALL_MOTIONS = (
     "mesh_force_peak", "transmission_error_peak_to_peak", "transmission_error_rms", "dynamic_load_factor",
 )  # fmt: skip
-"""What of it is told of motions with backlash, too."""
+"""Variables that motions with backlash have, too."""
 
 
 MULTIPLIERS = (
@@ -154,7 +154,7 @@ MULTIPLIERS = (
         {"flag_values": [0, 1, 2, 3], "flag_meanings": "none fold period_doubling Neimark_Sacker"},
     ),
 )  # fmt: skip
-"""Of periodic motions with backlash."""
+"""Variables of periodic motions with backlash."""
 
 
 BACKLASH_SPEED_RESPONSE = (

@@ -1,1 +1,1 @@
-"""What a sweep will take: time, memory, size of the file; and whether that is too much to begin unasked."""
+"""Forecast of a sweep: time, memory, size of the file; and whether that is too much to begin unasked."""

@@ -1,4 +1,4 @@
-"""What a sweep will take, from samples of its own grid that a clock interrupts.
+"""Forecast of a sweep from samples of its own grid that a clock interrupts.
 
 A sample is a part of a block: of a row of mesh frequencies first, whose points share their system and what is prepared
 for it, then several rows. Samples grow until one takes a fair part of the time that there is; two of different size
@@ -130,7 +130,7 @@ class Sample:
 
 
 class Clock:
-    """What is left of a number of seconds of a processor."""
+    """Rest of a budget of processor time, in seconds."""
 
     def __init__(self, seconds: float) -> None:
         self.total, self._end = max(seconds, 0.0), time.thread_time() + seconds
@@ -274,7 +274,7 @@ def _samples(
 
 
 def _further(values: list[tuple[int, float]], known: float) -> float:
-    """What each further point takes by the first and the last of samples (points, what they take).
+    """Return the time per further point by the first and the last of samples (points, what they take).
 
     known: what it takes about, if there is but one sample. It cannot be more than points take that share nothing.
     """
@@ -292,7 +292,8 @@ def _whole(layout: Layout, row: int, samples: list[Sample], seconds: float, size
 
 
 def _scaled(layout: Layout, row: int, values: list[tuple[int, float]], known: float) -> float:
-    """What all blocks take if samples (points, what they take) do: some of it once per block, the rest per point.
+    """Return the time of all blocks if samples (points, what they take) do: some of it once per block, the rest per
+    point.
 
     row: how many points of a row of mesh frequencies a block has. A sample of fewer tells of a row, not of a block.
     known: what a point takes besides what it shares, roughly.
@@ -309,7 +310,7 @@ def _scaled(layout: Layout, row: int, values: list[tuple[int, float]], known: fl
 
 
 def _dearer(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float | None:
-    """What a point takes on average over what it takes in the middle of the grid; None where one does not end."""
+    """Return the average time of a point over the time in the middle of the grid; None where one does not end."""
     if middle.points == layout.points:
         return 1.0
     ratios = []

@@ -1,4 +1,4 @@
-"""What a sweep must not begin unasked: more points, time or disk than anyone asks for by mistake."""
+"""Limits that a sweep exceeds only when asked: more points, time or disk than anyone asks for by mistake."""
 
 from __future__ import annotations
 
@@ -88,7 +88,9 @@ def large(plan: Plan, found: Estimate) -> list[str]:
 
 
 def _bytes(layout: Layout) -> int:
-    """Of a method's results over the grid, not compressed; lists of tongues, of unknown length, as if they had ten."""
+    """Return the size of a method's results over the grid, not compressed; lists of tongues, of unknown length, as if
+    they had ten.
+    """
     total = 0
     for variable in layout.method.results:
         tongues = 10 if "tongue" in variable.dims else 1

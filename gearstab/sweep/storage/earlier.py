@@ -1,4 +1,4 @@
-"""What an earlier run left at the output of a sweep, and whether the new result may take its place.
+"""Remains of an earlier run at the output of a sweep, and whether the new result may take its place.
 
 A sweep replaces results of sweeps of the same configuration file (with the same ``--set``), whatever that file said
 then, when the new result is complete. What is something else is refused: the result of another configuration unless

@@ -33,7 +33,7 @@ from gearstab.results.tree import Encoded, InFile, octets
 MAGIC = b"gearstab part 4\n"
 CHECKSUM = 4
 MOST_BYTES = 1 << 30
-"""Of a part file: some ten times what the largest block of any method takes."""
+"""Size of a part file: some ten times what the largest block of any method takes."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def places_of(lengths: Mapping[str, list[int]], offset: int = 0) -> dict[str, li
 
 
 def head_of(part: FinishedBlock, digest: str) -> bytes:
-    """What stands in a part file before the chunks."""
+    """Head of a part file, before the chunks."""
     header = {
         "digest": digest, "key": part.key,
         "tongues": [[asdict(tongue), occurrence] for tongue, occurrence in part.tongues],
@@ -98,7 +98,7 @@ def head_of(part: FinishedBlock, digest: str) -> bytes:
 
 
 def checksum(*pieces: bytes | memoryview) -> bytes:
-    """What stands behind the pieces of a part file."""
+    """Index behind the pieces of a part file."""
     total = 0
     for piece in pieces:
         total = crc32(piece, total)

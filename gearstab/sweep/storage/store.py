@@ -1,4 +1,4 @@
-"""What is finished, and where it waits for the end of a sweep: in memory for a short one, else in part files."""
+"""Store of finished blocks until the end of a sweep: in memory for a short one, else in part files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a sweep takes over from an earlier result, ``--extend``: points that are the same there, bit for bit."""
+"""Values that a sweep takes over from an earlier result, ``--extend``: points that are the same there, bit for bit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import h5py
 
 Identity = tuple[int, int, int]
-"""What tells a file from another one that took its name, or from itself before a change."""
+"""Data that distinguish a file from another one that took its name, or from itself before a change."""
 
 
 def identity(path: Path) -> Identity:

@@ -34,7 +34,7 @@ Pressure = Annotated[float, Field(gt=0), Quantity("Pa")]
 HelixAngle = Annotated[float, Field(gt=-1.0472, lt=1.0472), Quantity("rad")]
 
 OF_TEETH = ("module", "pressure_angle", "addendum", "dedendum", "helix_angle", "face_width")
-"""What all gears of a train share unless a gear has its own."""
+"""Defaults of all gears of a train."""
 
 
 class Support(Section):
@@ -179,7 +179,7 @@ class Shaft(Named):
 
 
 class Material(Section):
-    """What gears and shafts are made of; steel without."""
+    """Material of gears and shafts; default steel."""
 
     young: Pressure | None = Field(default=None, title="Young's modulus", description="E (Pa); 206.8 GPa without.")
     poisson: Annotated[float, Field(gt=-1, lt=0.5), Quantity()] | None = Field(

@@ -28,7 +28,7 @@ MOST_PAIRS = 4096
 Found = tuple[Path, str, str]
 """Path below ``system``, message, remedy."""
 Question = Callable[[Grid[Any], dict[str, Any]], Found | None]
-"""What finds a mistake at points of a grid, given by their indices on some axes."""
+"""Function that finds a mistake at points of a grid, given by their indices on some axes."""
 
 
 def check_points(document: Document, grid: Grid[Any], questions: Sequence[tuple[Question, int]]) -> None:

@@ -23,7 +23,7 @@ from gearstab.waveforms import WAVEFORMS
 from gearstab.waveforms.section import has_own_mean, shape_conflicts
 
 MEAN, VARIATION, CONTACT_RATIO, WAVE = "mean", "variation", "contact_ratio", "wave"
-"""What of a mesh stiffness may follow from the teeth."""
+"""Parts of a mesh stiffness that may follow from the teeth."""
 FRICTIONS = {
     "constant": ("coefficient",),
     "xu_kahraman": ("viscosity", "roughness"),
@@ -31,7 +31,7 @@ FRICTIONS = {
 }
 """Laws of friction and the keys they need."""
 LUBRICATED = ("xu_kahraman", "benedict_kelley")
-"""Those that depend on speed and load."""
+"""Laws of friction that depend on speed and load."""
 
 
 POWERS = {"linear": 1, "parabolic": 2}

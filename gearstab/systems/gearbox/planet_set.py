@@ -29,7 +29,7 @@ from gearstab.systems.planetary.teeth import SetTeeth
 
 MEMBERS = ("sun", "ring", "carrier")
 OF_PLANETS = ("module", "pressure_angle", "helix_angle", "face_width", "addendum", "dedendum")
-"""What planets share with the sun unless they have their own."""
+"""Fields that planets share with the sun by default."""
 TYPES = ("rotational", "translational", "planet")
 
 
@@ -52,7 +52,7 @@ class TrainSet:
 
     @property
     def planet(self) -> str:
-        """What stands for all planets in a table of speeds."""
+        """Name of all planets in a table of speeds."""
         return f"{self.name}.planet"
 
     @property

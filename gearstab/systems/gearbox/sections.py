@@ -41,7 +41,7 @@ Torque = Annotated[float, Field(gt=0), Quantity("N m")]
 
 
 class Input(Section):
-    """What drives the train."""
+    """Input of the train."""
 
     rotor: NameText = Field(
         title="input rotor", description="Name of the rotor that drives the train, where power enters it."

@@ -1,4 +1,4 @@
-"""What the teeth of a mesh come to: geometry, stiffness and friction, one pair of gears for each entry of the batch."""
+"""Results of the teeth of a mesh: geometry, stiffness and friction, one pair of gears for each entry of the batch."""
 
 from __future__ import annotations
 

@@ -155,7 +155,8 @@ class Train:
 
     @cached_property
     def reactions(self) -> dict[Where, Fraction]:
-        """What each held member and the sun's mesh of each set carry, by its path: see :func:`.kinematics.reactions`.
+        """Return the loads of each held member and of the sun's mesh of each set, by its path: see
+        :func:`.kinematics.reactions`.
 
         The input turns counter-clockwise with what balances the outputs; without outputs every body takes as much as
         it turns, as inertias do in a run-up.

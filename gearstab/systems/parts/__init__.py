@@ -1,1 +1,1 @@
-"""What systems are made of: each file holds the sections of the configuration and what they build."""
+"""Parts of systems: each file holds the sections of the configuration and what they build."""

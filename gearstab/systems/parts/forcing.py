@@ -1,4 +1,4 @@
-"""What drives a system: transmission errors of its meshes, a constant load, periodic forces."""
+"""Excitation of a system: transmission errors of its meshes, a constant load, periodic forces."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class OneAsWell:
 
 
 LoadOfOne = Annotated[Load, OneAsWell(only=True)]
-"""That of a system of one coordinate."""
+"""Load of a system of one coordinate."""
 
 MOST_HARMONICS = 100
 

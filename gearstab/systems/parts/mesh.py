@@ -38,7 +38,7 @@ from gearstab.waveforms.section import (
 )
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
-"""Of a model in coordinates of its own, where a mesh may deflect as an angle."""
+"""Mesh stiffness of a model in coordinates of its own, where a mesh may deflect as an angle."""
 Direction = Annotated[list[Annotated[float, Quantity("m", entry=True)]], Field(min_length=1), ByCoordinate()]
 
 WHERE_PHASINGS = "two_stage has a phasing of its second mesh, matrices have lags, planetary has phases"

@@ -121,7 +121,7 @@ class PairRespond(Section):
 
     @staticmethod
     def _held(raw: dict[str, Any], system: dict[str, Any]) -> Iterator[Conflict]:
-        """What contradicts a held speed."""
+        """Fields that contradict a held speed."""
         if system.get("formulation", "classical") == "classical":
             yield ("hold_speed",), "not_applicable", "the classical formulation keeps its speed by itself", "remove it"
         # A configuration as resolved names the zeros that were not given.

@@ -38,7 +38,7 @@ APART = 1e-8
 LOST = 15.0
 """ln |lambda| below the largest one at which a multiplier is lost in rounding, and far from growing."""
 UPPER = -1e-9
-"""Of two pairs that are complex conjugates that is taken whose product has no smaller imaginary part than this."""
+"""Of two complex conjugate pairs the one is taken whose product has no smaller imaginary part than this."""
 SEQUENCE = 3.0
 """Ratio of the distances of samples beside an edge."""
 REACH = 1.1
@@ -131,7 +131,7 @@ class Logarithms:
 
     @classmethod
     def at(cls, chain: Chain, row: Array, cycle: Array) -> Logarithms:
-        """Those at points (row, cycle) ``(P,)``."""
+        """Return the logarithms at points (row, cycle) ``(P,)``."""
         here, scale = kernel.products(chain, row, cycle)
         later, other = kernel.products(chain, row, cycle * (1 + APART))
         values, vectors = (part.astype(complex) for part in np.linalg.eig(here))
@@ -173,8 +173,8 @@ class Approaches:
 
 
 def approaches(chain: Chain, row: Array, cycle: Array, near: Array, every: Array) -> Approaches:
-    """Those that samples expect no farther than ``near`` ``(P,)`` from their cycles; of pairs with a growing solution
-    only, unless ``every`` ``(P,)`` one is wanted.
+    """Return the meetings that samples expect no farther than ``near`` ``(P,)`` from their cycles; of pairs with a
+    growing solution only, unless ``every`` ``(P,)`` one is wanted.
     """
     at_once = max(1, AT_ONCE // chain.size**2)
     given = row, cycle, near, every

@@ -118,7 +118,7 @@ def running_maximum(row: Array, values: Array) -> Array:
 
 @dataclass
 class Gaps:
-    """What lies between neighbouring items: left..right, and the positions of both items."""
+    """Stretches between neighbouring items: left..right, and the positions of both items."""
 
     row: Array
     left: Array
@@ -137,7 +137,7 @@ class Gaps:
 
 
 class Cover:
-    """What is known about all rows of a chain between the ends ``first`` and ``last`` ``(r,)`` of x.
+    """State of all rows of a chain between the ends ``first`` and ``last`` ``(r,)`` of x.
 
     samples: all points. items: stretches, edges and points without proof. work ``(r,)``: products of two matrices.
     evaluations ``(r,)``: points at which multipliers were computed, and points tried for a proof.

@@ -1,4 +1,4 @@
-"""What no proof covers: a scan with a step set by damping, and extrema of the growth rate pursued between its samples.
+"""Scan the intervals that the proof leaves open: damping sets the step, maxima between samples are refined.
 
 To first order a tongue is a bump of the growth rate g about nu = w_p + w_q, whose width in nu is at least mu_p + mu_q,
 the sum of the rates at which damping takes from both modes: the wider, the stronger the excitation. As nu is about w_p

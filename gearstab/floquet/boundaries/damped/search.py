@@ -76,7 +76,7 @@ class SearchResult:
 
 @dataclass(frozen=True)
 class Limits:
-    """What a search goes by.
+    """Range, tolerances and budget of a search.
 
     start, stop: mesh frequencies. tolerance, floor: relative, of edges and of regions. budget: multiplications a row
     for the proof, and as many for the scan.
@@ -97,7 +97,7 @@ class Limits:
         return undamped.search(pattern, *self.cycles(pattern), self.tolerance, self.floor)
 
     def damped(self, chain: Chain, rows: Pattern | Division) -> SearchResult:
-        """Those of the chain of some rows."""
+        """Return the chain of some rows."""
         return search(chain, *self.cycles(rows), self.tolerance, self.floor, self.budget)
 
 
@@ -149,7 +149,7 @@ class ScanPlan:
 
     @classmethod
     def of(cls, scan: Scan, first: Array, last: Array, products: float) -> ScanPlan:
-        """What the budget allows for."""
+        """Return the evaluations that the budget allows."""
         chain, opened = scan.cover.chain, scan.opened
         left = np.bincount(opened.row, opened.width, minlength=len(first))
         more = chain.exponential * len(chain.states)

@@ -51,7 +51,7 @@ class Seen:
 
 
 def seen(chain: Chain, intervals: Intervals, peaks: list[Array]) -> list[Seen]:
-    """What is seen in each interval; peaks: cycles inside of each, at which its tongues are strongest."""
+    """Return the harmonics seen in each interval; peaks: cycles inside of each, at which its tongues are strongest."""
     owner, cycle = [], []
     for k, (i, summits) in enumerate(zip(intervals, peaks, strict=True)):
         width = i.stop - i.start
