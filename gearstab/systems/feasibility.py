@@ -91,7 +91,7 @@ def check_levels(document: Document, grid: Grid[Any], index: str | int) -> None:
         selections.append({})
     allowed = grid.system["allow_negative_stiffness"]
     for selection in selections:
-        p = grid.at(selection)["meshes"][index]
+        p = grid.at(selection).meshes[index]
         with np.errstate(all="ignore"):  # what overflows is reported, or of no concern
             item = build_mesh(p, np.ones(1))
             depth, above = -item.waveform.extremes()[0], item.waveform.stiffer_level

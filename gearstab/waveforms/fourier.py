@@ -55,16 +55,16 @@ class Fourier(Waveform):
     cos: Array
 
     @classmethod
-    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+    def build(cls, spec: Any, contact_ratio: Any = None) -> Self:
         """Build the wave from ``sin`` and ``cos``, either of which may be shorter or missing."""
-        sin, cos = list(spec.get("sin") or []), list(spec.get("cos") or [])
+        sin, cos = list(spec.sin or []), list(spec.cos or [])
         order = max(len(sin), len(cos))
         return cls(*(vector([*part, *[0.0] * (order - len(part))]) for part in (sin, cos)))
 
     @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(cls, section: Any) -> Iterator[Conflict]:
         """Yield a conflict without any harmonic."""
-        if not raw.get("sin") and not raw.get("cos"):
+        if not section.sin and not section.cos:
             yield (), "missing", "has no harmonics", "add sin: [..] or cos: [..], the coefficients of the harmonics"
 
     @property

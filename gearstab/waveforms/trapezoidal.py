@@ -49,8 +49,8 @@ class Trapezoidal(Waveform):
     ramp: Array | float
 
     @classmethod
-    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
-        return cls(as_array(contact_ratio), as_array(spec["ramp"]))
+    def build(cls, spec: Any, contact_ratio: Any = None) -> Self:
+        return cls(as_array(contact_ratio), as_array(spec.ramp))
 
     @property
     def batch(self) -> tuple[int, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
@@ -51,10 +51,9 @@ class Support(Section):
         default=0.0, title="damping ratio of the support", description="zeta, c = 2 zeta sqrt(k m) (1)."
     )
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """At least one of the springs."""
-        if raw.get("stiffness") is None and raw.get("torsional_stiffness") is None:
+        if self.stiffness is None and self.torsional_stiffness is None:
             yield ("stiffness",), "missing", "is missing", "add stiffness (N/m) or torsional_stiffness (N m/rad)"
 
 
@@ -102,24 +101,23 @@ class Rotor(Teeth, Named):
         default=None, title="lateral support", description="With it the rotor moves in its plane too."
     )
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """Inertia, and mass where it is supported, of what is no disc; teeth where there is what belongs to them."""
-        yield from within(raw, "support", Support.conflicts)
-        geared = raw.get("teeth") is not None
-        if not geared and raw.get("body_radius") is None:
-            if raw.get("inertia") is None:
+        yield from within(self, "support", Support.conflicts)
+        geared = self.teeth is not None
+        if not geared and self.body_radius is None:
+            if self.inertia is None:
                 yield (
                     ("inertia",),
                     "missing",
                     "is missing",
                     "add inertia (kg m^2), or face_width and body_radius of its disc",
                 )
-            if moves(raw) and raw.get("mass") is None:
+            if moves(self.support) and self.mass is None:
                 yield ("mass",), "missing", "is missing", "add mass (kg), or face_width and body_radius of its disc"
         if not geared:
             for key in (*OF_TEETH[:-1], "profile_shift", "internal"):
-                if raw.get(key) not in (None, False):
+                if self[key] not in (None, False):
                     yield (key,), "not_applicable", "belongs to a gear", "give the rotor teeth, or remove it"
 
 
@@ -143,16 +141,15 @@ class Shaft(Named):
         description="zeta, c = 2 zeta sqrt(k J_e), J_e = J1 J2/(J1 + J2) (1).",
     )
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """A stiffness, or the dimensions that give it."""
-        if raw.get("stiffness") is None and raw.get("diameter") is None and raw.get("length") is None:
+        if self.stiffness is None and self.diameter is None and self.length is None:
             yield ("stiffness",), "missing", "is missing", "add stiffness (N m/rad), or diameter and length"
             return
         for key in ("diameter", "length"):
-            if raw.get("stiffness") is not None and raw.get(key) is not None:
+            if self.stiffness is not None and self[key] is not None:
                 yield (key,), "already_given", "stiffness is given already", "keep one of stiffness and the dimensions"
-            elif raw.get("stiffness") is None and raw.get(key) is None:
+            elif self.stiffness is None and self[key] is None:
                 yield (key,), "missing", "is missing", f"add {key}, or give stiffness instead"
 
 

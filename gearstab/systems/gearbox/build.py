@@ -18,6 +18,7 @@ from gearstab.rotation import Rotation
 from gearstab.system import Array, GearSystem, PeriodicForce, PeriodicTerm
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
+from gearstab.systems.gearbox.bodies import Support
 from gearstab.systems.gearbox.mesh import from_teeth
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet, TrainSetRows
 from gearstab.systems.gearbox.train import Train
@@ -34,17 +35,17 @@ def build(p: Any) -> GearSystem:
     pairs = [mesh_element(train, k) for k in range(len(train.pairs))]
     elements = [*_bodies(train), *shaft_elements(train), *_supports(train)]
     elements += [element for row in rows for element in row.planets_of(train.damping_factor)]
-    symmetries = [row.cyclic() for row in rows if row.item.planets.get("angles") is None and not train.shared(row.item)]
+    symmetries = [row.cyclic() for row in rows if row.item.planets.angles is None and not train.shared(row.item)]
     meshes = [mesh for row in rows for mesh in _set_meshes(train, row)] + pairs
     assembly = Assembly(train.coordinates, elements, meshes)
-    rotations = tuple(_turning(train, row) for row in rows if row.item.p.get("carrier_speed") is not None)
+    rotations = tuple(_turning(train, row) for row in rows if row.item.p.carrier_speed is not None)
     system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries), rotations=rotations)
-    return _rubbed(train, system, [rotors.number(item.p, "damping") for item in pairs])
+    return _rubbed(train, system, [rotors.number(item.p.damping) for item in pairs])
 
 
 def _rows(train: Train, item: TrainSet) -> TrainSetRows:
     """Return how the bodies of a set move. Raises TrainError for members that move in two frames."""
-    if train.speeds[item.p["carrier"]] and (shared := train.shared(item)):
+    if train.speeds[item.p.carrier] and (shared := train.shared(item)):
         place: Where = ("rotors", train.place[shared[0]], "support")
         message = f"moves in the plane of {item.name}, which turns with its carrier, and is in another mesh as well"
         raise TrainError(place, message, "give that mesh a rotor of its own and join both by a shaft")
@@ -58,14 +59,14 @@ def _turning(train: Train, rows: TrainSetRows) -> Rotation:
         rotor = train.place[rows.item.p[member]]
         if rotor in train.masses:
             members[member] = (train.masses[rotor], _drag(train, rotor))
-    return rows.turning(members, train.driving * train.speeds[rows.item.p["carrier"]] / train.cycles)
+    return rows.turning(members, train.driving * train.speeds[rows.item.p.carrier] / train.cycles)
 
 
 def _drag(train: Train, rotor: int) -> Array:
     """The damping of a lateral support, 2 zeta sqrt(k m)."""
     support = train.rotors[rotor]["support"]
-    k = rotors.number(support, "stiffness")
-    return train.damping_factor * 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.masses[rotor])
+    k = rotors.number(support.stiffness)
+    return train.damping_factor * 2 * rotors.number(support.damping_ratio) * np.sqrt(k * train.masses[rotor])
 
 
 def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
@@ -85,23 +86,25 @@ def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
         for n, mesh in zip(rows.numbers, known[k * item.count :], strict=False):
             along = {key: flank * value for key, value in rows.deflection(name, n, flank * angle).items()}
             lag = np.asarray(mesh.lag, dtype=float)
-            found = MeshElement(p | {"name": mesh.name}, along, train.frequency_ratio(mesh.motion), lag)
+            found = MeshElement(
+                p.model_copy(update={"name": mesh.name}), along, train.frequency_ratio(mesh.motion), lag
+            )
             yield _damped(train, found, 1 / mobility)
 
 
 def _damped(train: Train, found: MeshElement, mass: Array) -> MeshElement:
     """Return the mesh with its damping, c = 2 zeta sqrt(k m_e) (Kuria & Kihiu 2008). mass: m_e."""
     p = found.p
-    drag = rotors.number(p, "damping")
-    if p.get("damping_ratio") is not None:
-        drag = 2 * rotors.number(p, "damping_ratio") * np.sqrt(found.wave.mean_stiffness * mass)
+    drag = rotors.number(p.damping)
+    if p.damping_ratio is not None:
+        drag = 2 * rotors.number(p.damping_ratio) * np.sqrt(found.wave.mean_stiffness * mass)
     drag = train.damping_factor * drag
-    return replace(found, p=p | {"damping": drag if np.any(drag) else None})
+    return replace(found, p=p.model_copy(update={"damping": drag if np.any(drag) else None}))
 
 
 def _filled(train: Train, k: int) -> Any:
     """The parameters of a mesh with what its teeth give."""
-    p = train.p["meshes"][k]
+    p = train.p.meshes[k]
     if not from_teeth(p):
         return p
     try:
@@ -121,14 +124,14 @@ def mesh_element(train: Train, k: int) -> MeshElement:
     r1, r2 = (rotors.base_radius(train.rotors[gear]) for gear in gears)
     turned: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2}
     row = total(turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])))
-    found = MeshElement(p, row, train.frequency_ratio(train.motions[k]), rotors.number(p, "lag"))
+    found = MeshElement(p, row, train.frequency_ratio(train.motions[k]), rotors.number(p.lag))
     j1, j2 = (train.inertias[gear] for gear in gears)
     return _damped(train, found, j1 * j2 / (r1**2 * j2 + r2**2 * j1))
 
 
 def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
     """The system with the friction of its meshes."""
-    laws = [p.get("friction") for p in train.p["meshes"]]
+    laws = [p.friction for p in train.p.meshes]
     if not any(laws):
         return system
     forces = np.abs(friction.static_forces(system))
@@ -138,10 +141,8 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
         if law is None:
             continue
         teeth, gears = train.teeth_of(k), train.pairs[k]
-        plain = law.get("kind", "constant") == "constant"
-        speed = (
-            1.0 if plain else rotors.number(train.p["input"], "speed") * float(abs(train.speeds[train.name(gears[0])]))
-        )
+        plain = law.kind == "constant"
+        speed = 1.0 if plain else rotors.number(train.p.input.speed) * float(abs(train.speeds[train.name(gears[0])]))
         try:
             rubbing = teeth.friction(
                 law, np.asarray(speed), np.ones(()) if plain else forces[..., k - len(train.pairs)]
@@ -150,7 +151,7 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
             remedy = "change the teeth or the operating point"
             raise TrainError(("meshes", k, "friction"), error.message, remedy) from None
         arms = friction.arms(train, gears, rubbing, train.push(k), train.sense(k), teeth.pairs[0].wheel_drives)
-        item, follows = system.meshes[k - len(train.pairs)], bool(train.p["meshes"][k].get("damping_follows_stiffness"))
+        item, follows = system.meshes[k - len(train.pairs)], train.p.meshes[k].damping_follows_stiffness
         terms += friction.terms(item, rubbing, arms, drag[k], follows)
         pushes += friction.forces(item, rubbing, arms)
     return replace(system, terms=(*system.terms, *terms), forces=(*system.forces, *pushes))
@@ -158,21 +159,21 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
 
 def shaft_stiffness(train: Train, shaft: Any) -> Array:
     """k as given, or G pi (d^4 - d_i^4)/(32 l) of a round shaft, N m/rad."""
-    if shaft.get("stiffness") is not None:
-        return rotors.number(shaft, "stiffness")
-    polar = np.pi / 32 * (rotors.number(shaft, "diameter") ** 4 - rotors.number(shaft, "bore") ** 4)
+    if shaft.stiffness is not None:
+        return rotors.number(shaft.stiffness)
+    polar = np.pi / 32 * (rotors.number(shaft.diameter) ** 4 - rotors.number(shaft.bore) ** 4)
     if not np.all(polar > 0):
-        raise TrainError(("shafts", train.p["shafts"].index(shaft), "bore"), "leaves nothing of the shaft", "reduce it")
-    return np.asarray(train.material["shear"]) * polar / rotors.number(shaft, "length")
+        raise TrainError(("shafts", train.p.shafts.index(shaft), "bore"), "leaves nothing of the shaft", "reduce it")
+    return np.asarray(train.material["shear"]) * polar / rotors.number(shaft.length)
 
 
 def shaft_elements(train: Train) -> Iterator[Element]:
     """Yield the twist of every shaft, whose ends turn the same way; c = 2 zeta sqrt(k J_1 J_2/(J_1 + J_2))."""
-    for shaft in train.p.get("shafts") or []:
-        first, second = shaft["between"]
+    for shaft in train.p.shafts:
+        first, second = shaft.between
         j1, j2 = (train.inertias[train.place[end]] for end in (first, second))
         k = shaft_stiffness(train, shaft)
-        c = 2 * rotors.number(shaft, "damping_ratio") * np.sqrt(k * j1 * j2 / (j1 + j2))
+        c = 2 * rotors.number(shaft.damping_ratio) * np.sqrt(k * j1 * j2 / (j1 + j2))
         yield Element({first: 1.0, second: -1.0}, stiffness=k, damping=train.damping_factor * c)
 
 
@@ -184,13 +185,13 @@ def _bodies(train: Train) -> Iterator[Element]:
 def _supports(train: Train) -> Iterator[Element]:
     """Yield mass and support of every rotor that moves in its plane, and torsional supports."""
     for rotor, mass in train.masses.items():
-        k = rotors.number(train.rotors[rotor]["support"], "stiffness")
+        k = rotors.number(train.rotors[rotor]["support"].stiffness)
         for along in ((1.0, 0.0), (0.0, 1.0)):
             yield Element(train.shift(rotor, along), mass, k, _drag(train, rotor))
     for rotor, p in enumerate(train.rotors):
-        support = p.get("support") or {}
-        k = rotors.number(support, "torsional_stiffness")
-        c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.inertias[rotor])
+        support = p.get("support") or Support()
+        k = rotors.number(support.torsional_stiffness)
+        c = 2 * rotors.number(support.damping_ratio) * np.sqrt(k * train.inertias[rotor])
         yield Element(train.rotation(rotor), stiffness=k, damping=train.damping_factor * c)
 
 
@@ -201,15 +202,15 @@ def torques(train: Train) -> dict[str, Array]:
     input torque follows from the outputs' where it is not given itself.
     """
     p = train.p
-    start, ends = p["input"]["rotor"], [item["rotor"] for item in p.get("outputs") or []]
+    start, ends = p.input.rotor, [item.rotor for item in p.outputs]
     speed = {end: float(abs(train.speeds[end])) for end in ends}
-    given = [item.get("torque") for item in p.get("outputs") or []]
-    if p["input"].get("torque") is None and all(value is None for value in given):
+    given = [item.torque for item in p.outputs]
+    if p.input.torque is None and all(value is None for value in given):
         return {}
     if all(value is not None for value in given):
         taken = {end: np.asarray(value, dtype=float) for end, value in zip(ends, given, strict=True)}
     else:
-        power = rotors.number(p["input"], "torque") / len(ends)
+        power = rotors.number(p.input.torque) / len(ends)
         taken = {end: power / speed[end] for end in ends}
     brought = sum((taken[end] * speed[end] for end in ends), np.zeros(()))
     return {start: np.asarray(brought)} | {end: -taken[end] for end in ends}

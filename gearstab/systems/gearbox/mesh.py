@@ -53,18 +53,15 @@ class Friction(Section):
         default=None, title="roughness", description='Of the flanks, root mean square (m, "0.4 um").'
     )
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """The keys of its law and no others."""
-        kind = raw.get("kind", "constant")
-        needed = FRICTIONS.get(kind)
-        if needed is None:
-            return
+        kind = self.kind
+        needed = FRICTIONS[kind]
         for key in needed:
-            if raw.get(key) is None:
+            if self[key] is None:
                 yield (key,), "missing", "is missing", f"add {key}, which {kind} friction needs"
         for key in ("coefficient", "viscosity", "roughness"):
-            if raw.get(key) is not None and key not in needed:
+            if self[key] is not None and key not in needed:
                 yield (key,), "not_applicable", f"{kind} friction takes no {key}", "remove it, or choose another law"
 
 
@@ -111,49 +108,48 @@ class GearboxMesh(NamedToothMesh):
     )
     friction: Friction | None = Field(default=None, title="friction", description="Between the teeth; none without.")
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self, from_teeth: bool = True) -> Iterator[Conflict]:
         """Each quantity once; a wave that is complete where the teeth do not give it."""
-        yield from at_most_one(raw, ("mean_stiffness", "max_stiffness"))
-        yield from at_most_one(raw, ("epsilon", "amplitude"))
-        yield from at_most_one(raw, ("damping", "damping_ratio"))
-        yield from shape_conflicts(raw)
-        wave = wave_of(raw.get("waveform"))
+        yield from at_most_one(self, ("mean_stiffness", "max_stiffness"))
+        yield from at_most_one(self, ("epsilon", "amplitude"))
+        yield from at_most_one(self, ("damping", "damping_ratio"))
+        yield from shape_conflicts(self)
+        wave = wave_of(self.waveform)
         if wave is not None and wave.of_teeth:
             for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
-                if raw.get(key) is not None:
+                if self[key] is not None:
                     remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
                     yield (key,), "already_given", "the teeth give it", f"{remedy}single_pair_stiffness and variation"
         yield from following_conflicts(
-            raw, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"
+            self, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"
         )
-        yield from within(raw, "transmission_error", TransmissionError.conflicts)
-        if raw.get("friction") is not None and raw.get("backlash"):
+        yield from within(self, "transmission_error", TransmissionError.conflicts)
+        if self.friction is not None and self.backlash:
             yield (
                 ("backlash",),
                 "not_applicable",
                 "is not available with friction between the teeth",
                 "keep one of the two",
             )
-        yield from within(raw, "friction", Friction.conflicts)
+        yield from within(self, "friction", Friction.conflicts)
 
 
 def from_teeth(p: Any) -> frozenset[str]:
     """Return which of MEAN, VARIATION, CONTACT_RATIO, WAVE the teeth of a mesh with these parameters give."""
-    wave = WAVEFORMS[(p.get("waveform") or {}).get("kind", "rectangular")]
+    wave = WAVEFORMS[p.waveform.kind]
     if wave.of_teeth:
         return frozenset((MEAN, VARIATION, CONTACT_RATIO, WAVE))
     found = set()
-    if not has_own_mean(p) and p.get("mean_stiffness") is None and p.get("max_stiffness") is None:
+    if not has_own_mean(p) and p.mean_stiffness is None and p.max_stiffness is None:
         found.add(MEAN)
-    if not wave.own_variation and p.get("epsilon") is None and p.get("amplitude") is None:
+    if not wave.own_variation and p.epsilon is None and p.amplitude is None:
         found.add(VARIATION)
-    if wave.has_contact_ratio and p.get("contact_ratio") is None:
+    if wave.has_contact_ratio and p.contact_ratio is None:
         found.add(CONTACT_RATIO)
     return frozenset(found)
 
 
 def needs_width(p: Any) -> bool:
     """Whether the face widths of the gears of a mesh matter."""
-    rubs = (p.get("friction") or {}).get("kind", "constant") != "constant"
-    return rubs or (MEAN in from_teeth(p) and p.get("single_pair_stiffness") is None)
+    rubs = getattr(p, "friction", None) is not None and p.friction.kind != "constant"
+    return rubs or (MEAN in from_teeth(p) and p.single_pair_stiffness is None)

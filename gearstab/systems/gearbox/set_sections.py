@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.document.problems import Path, nearest
+from gearstab.config.document.problems import nearest
 from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, wrong_length
@@ -29,11 +29,12 @@ from gearstab.config.model.fields import (
     Turns,
     also,
 )
-from gearstab.systems.gearbox.bodies import Support, Teeth
+from gearstab.config.model.reading import WRONG, known
+from gearstab.systems.gearbox.bodies import Rotor, Support, Teeth
 from gearstab.systems.parts.mesh import Named, ToothMesh
 from gearstab.systems.planetary import angles
 from gearstab.systems.planetary.angles import ASSEMBLE
-from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, whole
+from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly
 from gearstab.systems.planetary.phasing import RULES
 
 MEMBERS = ("sun", "ring", "carrier")
@@ -144,65 +145,60 @@ class PlanetarySet(Named):
     )
 
 
-def conflicts(raw: dict[str, Any]) -> Iterator[Conflict]:
-    """Yield what contradicts itself in the ``planetary_sets`` of a section ``system``."""
-    rotors = {rotor["name"]: rotor for _, rotor in items(raw.get("rotors")) if isinstance(rotor.get("name"), str)}
-    known = len(rotors) == len(items(raw.get("rotors"))) > 0
-    for k, item in items(raw.get("planetary_sets")):
-        found = [*(_members(item, rotors) if known else ()), *_meshes(item)]
-        if not found:
-            found = list(_teeth(item, rotors))
+def by_name(box: Any) -> dict[str, Rotor] | None:
+    """Return the rotors by name; None where there are none, one has no name, or two have the same."""
+    rotors = {rotor.name: rotor for _, rotor in items(box.rotors) if isinstance(rotor.name, str)}
+    return rotors if len(rotors) == len(items(box.rotors)) > 0 else None
+
+
+def conflicts(box: Any) -> Iterator[Conflict]:
+    """Yield what contradicts itself in the planetary sets."""
+    rotors = by_name(box)
+    for k, item in items(box.planetary_sets):
+        found = [*(() if rotors is None else known(_members(item, rotors))), *_meshes(item)]
+        if not found and rotors is not None:
+            found = list(known(_teeth(item, rotors)))
         yield from below("planetary_sets", below(k, found))
 
 
-def _members(item: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[Conflict]:
+def _members(item: PlanetarySet, rotors: dict[str, Rotor]) -> Iterator[Conflict]:
     """Three different rotors, an external and an internal gear among them."""
-    seen: dict[Any, str] = {}
+    seen: dict[str, str] = {}
     for member in MEMBERS:
-        name = item.get(member)
+        name = item[member]
         if not isinstance(name, str):
             continue
         if name in seen:
             yield (member,), "inconsistent", f"'{name}' is the {seen[name]} already", "name another rotor"
         elif name not in rotors:
             yield (member,), "unknown_name", f"there is no rotor '{name}'", nearest(name, rotors)
-        elif member != "carrier" and rotors[name].get("teeth") is None:
+        elif member != "carrier" and rotors[name].teeth is None:
             yield (member,), "not_applicable", f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
-        elif member != "carrier" and bool(rotors[name].get("internal")) != (member == "ring"):
+        elif member != "carrier" and rotors[name].internal != (member == "ring"):
             kind = "an internal" if member == "ring" else "an external"
             yield (member,), "inconsistent", f"rotor '{name}' is not {kind} gear", "set or remove internal: true there"
         seen[name] = member
 
 
-def _meshes(item: dict[str, Any]) -> Iterator[Conflict]:
-    meshes = item.get("meshes") or {}
-    for name in ("sun", "ring"):
-        if (mesh := meshes.get(name)) is not None:
-            place: Path = ("meshes", name)
-            wrong = [*SetMesh.conflicts_of(mesh, True), *at_most_one(mesh, ("damping", "damping_ratio"))]
-            yield from (((*place, *path), code, message, hint) for path, code, message, hint in wrong)
-    phases = item.get("phases") or {}
-    if phases.get("rule") is not None and phases.get("sun_ring") is not None:
+def _meshes(item: PlanetarySet) -> Iterator[Conflict]:
+    for name, mesh in items(item.meshes):
+        wrong = [*known(mesh.conflicts(True)), *known(at_most_one(mesh, ("damping", "damping_ratio")))]
+        yield from below("meshes", below(name, wrong))
+    phases = item.phases
+    if phases is not None and phases is not WRONG and phases.rule is not None and phases.sun_ring is not None:
         yield ("phases", "rule"), "already_given", "sun_ring is given already", "keep one of sun_ring and rule"
 
 
-def _teeth(item: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[Conflict]:
+def _teeth(item: PlanetarySet, rotors: dict[str, Rotor]) -> Iterator[Conflict]:
     """Yield what keeps planets of known teeth from being assembled."""
-    planets = item.get("planets") or {}
-    count: Any = planets.get("count")
-    psi = planets.get("angles")
-    if whole(count, 3, MOST_PLANETS) and isinstance(psi, list):
-        yield from below("planets", wrong_length(planets, "angles", int(count), "planet"))
-    numbers: list[Any] = [rotors.get(item.get(name, ""), {}).get("teeth") for name in ("sun", "ring")]
-    numbers.append(planets.get("teeth"))
-    if "support" in planets and (planets["support"] or {}).get("stiffness") is None:
+    planets = item.planets
+    yield from below("planets", wrong_length(planets, "angles", int(planets.count), "planet"))
+    if "support" in planets.model_fields_set and (planets.support is None or planets.support.stiffness is None):
         yield ("planets", "support", "stiffness"), "missing", "is missing", "add stiffness (N/m), or remove support"
-    if not all(whole(number, 4, 10**6) for number in numbers):
-        return
-    sun, ring, planet = map(int, numbers)
-    if psi is not None:
-        return  # their units are read later
-    for path, code, message, hint in assembly(sun, planet, ring, count):
+    sun, ring = rotors[item.sun].teeth, rotors[item.ring].teeth
+    if planets.angles is not None or sun is None or ring is None:
+        return  # the fit of given angles is looked at where the train is built
+    for path, code, message, hint in assembly(int(sun), int(planets.teeth), int(ring), planets.count):
         yield ("planets", path[-1] if path[-1] == "angles" else "teeth"), code, message, hint
 
 

@@ -51,12 +51,12 @@ class MeshTeeth:
         for side, gear in zip(("driver", "driven"), self.gears, strict=True):
             for name, default in OF_GEAR.items():
                 if gear.get(name) is not None or default is not None:
-                    table[side, name] = number(gear, name, default or 0.0)
+                    table[side, name] = number(gear.get(name), default or 0.0)
         for name in OF_MATERIAL:
             table["material", name] = np.asarray(self.material[name], dtype=float)
         for name in ("centre_distance", "double_contact_factor", "single_pair_stiffness", "variation"):
-            if self.p.get(name) is not None:
-                table["mesh", name] = number(self.p, name)
+            if getattr(self.p, name, None) is not None:
+                table["mesh", name] = number(self.p[name])
         arrays = dict(zip(table, np.broadcast_arrays(*table.values()), strict=True))
         shape = next(iter(arrays.values())).shape
         flat = {key: values.ravel() for key, values in arrays.items()}
@@ -115,19 +115,21 @@ class MeshTeeth:
         """Return the section of the mesh with what the teeth give: mean stiffness, epsilon, contact ratio and wave."""
         p: dict[str, Any] = {}
         wanted = from_teeth(self.p)
-        rectangular = WAVEFORMS[(self.p.get("waveform") or {}).get("kind", "rectangular")].has_contact_ratio
+        rectangular = WAVEFORMS[self.p.waveform.kind].has_contact_ratio
         if MEAN in wanted:
             p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
         if CONTACT_RATIO in wanted and rectangular:
             p["contact_ratio"] = self.each(lambda pair: pair.contact_ratio)
         if VARIATION in wanted:
-            keep = self.p.get("reduction", "levels")
+            keep: Any = getattr(self.p, "reduction", "levels")
             p["epsilon"] = self.of_stiffness(lambda mesh: (mesh.rectangular(keep) if rectangular else mesh).epsilon)
-        return self.p | p | ({"wave": self.wave()} if WAVE in wanted else {})
+        if WAVE in wanted:
+            p["wave"] = self.wave()
+        return self.p.model_copy(update=p)
 
     def wave(self) -> Tooth | Fourier:
         """The wave of the computed stiffness, or its first harmonics."""
-        harmonics = (self.p.get("waveform") or {}).get("harmonics")
+        harmonics = self.p.waveform.harmonics
         ratio = self.each(lambda pair: pair.contact_ratio)
         whole = Tooth(stacked([mesh.curve for mesh in self.stiffness], self.batch), ratio)
         if harmonics is None:
@@ -155,12 +157,12 @@ def _laws(law: Any, shape: tuple[int, ...]) -> Iterator[FrictionLaw]:
     """The law of friction for each entry of a batch; oil in cP and roughness in um, as the regressions have them."""
 
     def flat(name: str, unit: float = 1.0) -> Array:
-        return np.broadcast_to(number(law, name) / unit, shape).ravel()
+        return np.broadcast_to(number(law[name]) / unit, shape).ravel()
 
-    if law.get("kind", "constant") == "constant":
+    if law.kind == "constant":
         yield from (ConstantFriction(float(level)) for level in flat("coefficient"))
         return
-    kind = XuKahraman if law["kind"] == "xu_kahraman" else BenedictKelley
+    kind = XuKahraman if law.kind == "xu_kahraman" else BenedictKelley
     for viscosity, roughness in zip(flat("viscosity", 1e-3), flat("roughness", 1e-6), strict=True):
         yield kind(float(viscosity), float(roughness))
 

@@ -26,6 +26,7 @@ from gearstab.config.model.fields import (
     Stiffness,
     Turns,
 )
+from gearstab.config.model.reading import known
 from gearstab.system import Array
 from gearstab.systems.parts.forcing import TransmissionError
 from gearstab.waveforms.section import (
@@ -110,46 +111,38 @@ class ToothMesh(Section):
         description="middle of the backlash, or drive_side: where the flank that carries the load just touches.",
     )
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does."""
-        yield from cls.conflicts_of(raw, False)
+    def conflicts(self, from_teeth: bool = False) -> Iterator[Conflict]:
+        """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does.
 
-    @classmethod
-    def conflicts_of(cls, raw: dict[str, Any], from_teeth: bool) -> Iterator[Conflict]:
-        """Yield the contradictions of a mesh. from_teeth: whether teeth give what it does not."""
-        wave = wave_of(raw.get("waveform"))
+        from_teeth: whether teeth give what the mesh does not.
+        """
+        wave = wave_of(self.waveform)
         if wave is not None and wave.of_teeth:
             message = "the teeth are unknown: only kind: gearbox has numbers of teeth"
-            yield (
-                ("waveform", "kind"),
-                "not_applicable",
-                message,
-                "choose another waveform, or describe the gears in a gearbox",
-            )
+            hint = "choose another waveform, or describe the gears in a gearbox"
+            yield ("waveform", "kind"), "not_applicable", message, hint
             return
         stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
-        yield from (at_most_one if from_teeth or has_own_mean(raw) else exactly_one)(raw, stiffness)
+        yield from (at_most_one if from_teeth or has_own_mean(self) else exactly_one)(self, stiffness)
         varies = from_teeth or (wave is not None and wave.own_variation)
-        yield from (at_most_one if varies else exactly_one)(raw, variation)
-        description = cls.model_fields["contact_ratio"].description or ""
-        yield from shape_conflicts(raw, "" if from_teeth else description.rstrip("."))
-        yield from following_conflicts(
-            raw, ("damping",), "add damping, the mean of the damping that follows the stiffness"
-        )
-        yield from within(raw, "transmission_error", TransmissionError.conflicts)
+        yield from (at_most_one if varies else exactly_one)(self, variation)
+        description = type(self).model_fields["contact_ratio"].description or ""
+        yield from shape_conflicts(self, "" if from_teeth else description.rstrip("."))
+        hint = "add damping, the mean of the damping that follows the stiffness"
+        yield from known(following_conflicts(self, ("damping",), hint))
+        yield from within(self, "transmission_error", TransmissionError.conflicts)
 
 
-def following_conflicts(raw: dict[str, Any], keys: Sequence[str], hint: str) -> Iterator[Conflict]:
+def following_conflicts(mesh: ToothMesh, keys: Sequence[str], hint: str) -> Iterator[Conflict]:
     """Yield what contradicts a damping that follows the stiffness.
 
     keys: those that may give the damping; hint: what to do where none does.
     """
-    if raw.get("damping_follows_stiffness") is not True:
+    if mesh.damping_follows_stiffness is not True:
         return
-    if all(raw.get(key) is None for key in keys):
+    if all(mesh[key] is None for key in keys):
         yield ("damping",), "missing", "is missing", hint
-    if raw.get("transmission_error") is not None:
+    if mesh.transmission_error is not None:
         message = "is given, and a damping that follows the stiffness"
         yield ("transmission_error",), "needs_other", message, "keep one of the two, or make the damping constant"
 
@@ -222,11 +215,11 @@ class MatrixMesh(NamedToothMesh):
     )
 
 
-def may_have(name: str, short: ShortName, place: str | int, mesh: dict[str, Any]) -> bool:
-    """Whether a mesh as meant, which stands at an index or key, may have the number of a short name."""
+def may_have(name: str, short: ShortName, place: str | int, mesh: ToothMesh) -> bool:
+    """Return whether a mesh, which stands at an index or key, may have the number of a short name."""
     if place == 0 and short.but_first:
         return False
-    return mesh.get(short.rival) is None and not (name == "contact_ratio" and has_no_ratio(mesh))
+    return getattr(mesh, short.rival, None) is None and not (name == "contact_ratio" and has_no_ratio(mesh))
 
 
 def build_mesh(
@@ -238,8 +231,8 @@ def build_mesh(
     2002 section 4: k_g = k_max - 2 k_a (1 - d)), its variation by ``epsilon`` = k_a/k_g or ``amplitude`` = k_a; what is
     not given is that of a ``waveform`` made from stiffnesses, or of the ``wave`` itself, which teeth give.
     """
-    wave = build_waveform(p) if p.get("wave") is None else p["wave"]
-    epsilon, amplitude, maximum = p.get("epsilon"), p.get("amplitude"), p.get("max_stiffness")
+    wave = getattr(p, "wave", None) or build_waveform(p.waveform, p.contact_ratio)
+    epsilon, amplitude, maximum = p.epsilon, p.amplitude, p.max_stiffness
     if epsilon is None and amplitude is None:
         epsilon = _ratio(wave.mean_stiffness, wave.amplitude)
     if maximum is not None:
@@ -249,13 +242,15 @@ def build_mesh(
             mean = maximum - 2 * np.asarray(amplitude) * above
         else:
             mean = maximum / (1 + 2 * np.asarray(epsilon) * above)
-    elif p.get("mean_stiffness") is not None:
-        mean = np.asarray(p["mean_stiffness"], dtype=float)
+    elif p.mean_stiffness is not None:
+        mean = np.asarray(p.mean_stiffness, dtype=float)
     else:
         mean = wave.mean_stiffness
     if amplitude is not None:
         epsilon = np.asarray(amplitude) / mean
-    return system.Mesh(p.get("name", ""), direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
+    return system.Mesh(
+        getattr(p, "name", ""), direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag
+    )
 
 
 def _ratio(mean: Array, amplitude: Array) -> Array:

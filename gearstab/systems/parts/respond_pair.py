@@ -19,6 +19,7 @@ from gearstab.config.model.fields import (
     Time,
     Whole,
 )
+from gearstab.config.model.reading import known
 
 LENGTHS = ("cycles", "duration", "until")
 """Ways to say how long a response is."""
@@ -96,41 +97,27 @@ class PairRespond(Section):
         """Return the section as it is: nothing in it has one number for each coordinate, or another axis."""
         return self
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any], system: dict[str, Any], size: int | None) -> Iterator[Conflict]:
+    def conflicts(self, system: Any, size: int | None) -> Iterator[Conflict]:
         """One length of time; only what loses energy can stall, and only what may change its speed can be held."""
-        yield from exactly_one(raw, LENGTHS)
-        if raw.get("hold_speed"):
-            yield from cls._held(raw, system)
-        if raw.get("until") is None:
+        yield from exactly_one(self, LENGTHS)
+        if self.hold_speed:
+            yield from known(self._held(system))
+        if self.until is None:
             return
-        if system.get("formulation", "classical") != "energy_conserving":
-            yield (
-                ("until",),
-                "not_applicable",
-                "only the energy_conserving formulation stalls",
-                "give cycles or duration",
-            )
-        elif not system.get("damping_ratio"):
-            yield (
-                ("until",),
-                "needs_other",
-                "without damping the energy is constant",
-                "give a damping_ratio, or cycles or duration",
-            )
+        if system.formulation != "energy_conserving":
+            message = "only the energy_conserving formulation stalls"
+            yield ("until",), "not_applicable", message, "give cycles or duration"
+        elif not system.damping_ratio:
+            hint = "give a damping_ratio, or cycles or duration"
+            yield ("until",), "needs_other", "without damping the energy is constant", hint
 
-    @staticmethod
-    def _held(raw: dict[str, Any], system: dict[str, Any]) -> Iterator[Conflict]:
+    def _held(self, system: Any) -> Iterator[Conflict]:
         """What contradicts a held speed."""
-        if system.get("formulation", "classical") == "classical":
+        if system.formulation == "classical":
             yield ("hold_speed",), "not_applicable", "the classical formulation keeps its speed by itself", "remove it"
         # A configuration as resolved names the zeros that were not given.
-        if any(value not in (None, 0) for value in (raw.get("initial") or {}).values()):
-            yield (
-                ("initial",),
-                "not_applicable",
-                "hold_speed begins on the periodic orbit",
-                "remove initial or hold_speed",
-            )
-        if raw.get("until") is not None:
+        if any(value not in (None, 0) for _, value in self.initial):
+            message = "hold_speed begins on the periodic orbit"
+            yield ("initial",), "not_applicable", message, "remove initial or hold_speed"
+        if self.until is not None:
             yield ("until",), "not_applicable", "with hold_speed the gears never stall", "give cycles or duration"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Annotated, Any
 
@@ -51,25 +51,24 @@ class RotationSection(Section):
         default=None, title="circulatory matrix", description="H in W H q, of rotating damping (N s/m, or N m s)."
     )
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any], size: int | None, of_file: bool) -> Iterator[Conflict]:
+    def conflicts(self, size: int | None, of_file: bool) -> Iterator[Conflict]:
         """One speed, and matrices of the size of the system; of_file: whether a file may hold the matrices."""
-        yield from exactly_one(raw, ("speed_ratio", "speed"))
-        if not of_file and all(raw.get(name) is None for name in OF_ROTATION):
+        yield from exactly_one(self, ("speed_ratio", "speed"))
+        if not of_file and all(self[name] is None for name in OF_ROTATION):
             yield (), "missing", "has no matrix", f"add {', '.join(OF_ROTATION[:-1])} or {OF_ROTATION[-1]}"
         for name in OF_ROTATION:
-            yield from not_square(raw, name, size)
+            yield from not_square(self, name, size)
 
 
-def rotations(p: Any) -> tuple[Rotation, ...]:
-    """Return the rotations of a section."""
+def rotations(sections: Sequence[RotationSection]) -> tuple[Rotation, ...]:
+    """Return the rotations that sections describe."""
     return tuple(
         Rotation(
-            part.get("speed_ratio"),
-            np.asarray(part.get("speed") or 0.0, dtype=float),
-            **{name: matrix(part[name]) for name in OF_ROTATION if part.get(name) is not None},
+            part.speed_ratio,
+            np.asarray(0.0 if part.speed is None else part.speed, dtype=float),
+            **{name: matrix(part[name]) for name in OF_ROTATION if part[name] is not None},
         )
-        for part in p.rotation
+        for part in sections
     )
 
 
@@ -78,7 +77,7 @@ def check_rotation(document: Document, system: Any) -> None:
     table = (("gyroscopic", 1.0, "skew", "-"), ("centripetal", -1.0, "symmetric", ""))
     for place, part in items(system.rotation):
         for name, sign, kind, minus in table:
-            if part.get(name) is None:
+            if part[name] is None:
                 continue
             full = matrix(part[name])
             values = full.reshape(-1, *full.shape[-2:])[0]

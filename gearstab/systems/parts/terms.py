@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Annotated, Any, cast
 
@@ -42,12 +42,12 @@ class VaryingNumber(Section):
         default=None, title="waveform of a term", description="w, rectangular without, where there is an amplitude."
     )
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """A mean or an amplitude, and a waveform that is complete where anything varies."""
-        wave = wave_of(raw.get("waveform"))
-        if all(raw.get(key) is None for key in ("amplitude", "contact_ratio", "waveform")):
-            if raw.get("mean") is None:
+        wave = wave_of(self.waveform)
+        amplitude = self["amplitude"]
+        if amplitude is None and self.contact_ratio is None and self.waveform is None:
+            if self["mean"] is None:
                 yield (), "missing", "has neither mean nor amplitude", "add mean, or amplitude and waveform"
             return
         if wave is not None and wave.of_teeth:
@@ -58,9 +58,9 @@ class VaryingNumber(Section):
                 "choose another waveform, such as fourier or sampled",
             )
             return
-        if raw.get("amplitude") is None and wave is not None and not wave.own_variation:
+        if amplitude is None and wave is not None and not wave.own_variation:
             yield ("amplitude",), "missing", "is missing", "add amplitude: half the peak-to-peak of the variation"
-        yield from shape_conflicts(raw, "c >= 1, the contact ratio of the wave")
+        yield from shape_conflicts(self, "c >= 1, the contact ratio of the wave")
 
 
 class StiffnessPart(VaryingNumber):
@@ -120,35 +120,29 @@ class Term(Section):
         default=0.0, title="lag of a term", description="It begins this fraction of its own period late (1)."
     )
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any], size: int | None) -> Iterator[Conflict]:
+    def conflicts(self, size: int | None) -> Iterator[Conflict]:
         """A stiffness or a damping, and vectors of the size of the system that are not zero."""
-        if raw.get("stiffness") is None and raw.get("damping") is None:
-            yield (
-                (),
-                "missing",
-                "has neither stiffness nor damping",
-                "add stiffness: {mean: ..}, or damping: {mean: ..}",
-            )
+        if self.stiffness is None and self.damping is None:
+            hint = "add stiffness: {mean: ..}, or damping: {mean: ..}"
+            yield (), "missing", "has neither stiffness nor damping", hint
         for key in ("stiffness", "damping"):
-            yield from within(raw, key, VaryingNumber.conflicts)
+            yield from within(self, key, lambda part: part.conflicts())
         for key in ("left", "right"):
-            yield from no_direction(raw, key, size, "let the term act on at least one coordinate")
+            yield from no_direction(self, key, size, "let the term act on at least one coordinate")
 
 
-def periodic_terms(p: Any) -> tuple[PeriodicTerm, ...]:
-    """The terms of ``p["terms"]``.
+def periodic_terms(sections: Sequence[Term]) -> tuple[PeriodicTerm, ...]:
+    """Return terms.
 
     Each has ``left`` u, ``right`` v, ``stiffness`` a(x) and ``damping`` c(x) (``mean``, ``amplitude``, ``waveform``,
     ``contact_ratio``: mean + 2 amplitude w(x)), ``frequency_ratio`` and ``lag``, in periods of its own.
     """
     return tuple(
         PeriodicTerm(
-            part.get("name") or f"term{i + 1}", vector(part["left"]), vector(part["right"]),
-            _profile(part.get("stiffness")), _profile(part.get("damping")), part["frequency_ratio"],
-            np.asarray(part.get("lag", 0.0), dtype=float),
+            part.name or f"term{i + 1}", vector(part.left), vector(part.right),
+            _profile(part.stiffness), _profile(part.damping), part.frequency_ratio, np.asarray(part.lag, dtype=float),
         )
-        for i, part in enumerate(p.get("terms") or [])
+        for i, part in enumerate(sections)
     )  # fmt: skip
 
 
@@ -175,13 +169,14 @@ def antisymmetric_terms(name: str, part: str, matrix: Array) -> list[Term]:
     ]  # fmt: skip
 
 
-def _profile(p: Any) -> Profile | None:
+def _profile(p: StiffnessPart | DampingPart | None) -> Profile | None:
     if p is None:
         return None
-    mean, amplitude = p.get("mean"), p.get("amplitude")
-    if all(p.get(key) is None for key in ("amplitude", "contact_ratio", "waveform")):
+    mean: Any = p.mean
+    amplitude: Any = p.amplitude
+    if amplitude is None and p.contact_ratio is None and p.waveform is None:
         return Constant(np.asarray(mean, dtype=float))
-    wave = build_waveform(p)
+    wave = build_waveform(p.waveform, p.contact_ratio)
     mean = wave.mean_stiffness if mean is None else mean
     amplitude = wave.amplitude if amplitude is None else amplitude
     return Scaled(wave, np.asarray(mean, dtype=float), 2 * np.asarray(amplitude, dtype=float))
