@@ -29,13 +29,11 @@ def common_period(system: GearSystem) -> dict[str, Any] | None:
 
 def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
     """Return the strategy of exact stability for several mesh frequencies; None for a single one."""
-    from gearstab.methods.floquet import Floquet, FloquetOptions
+    from gearstab.methods.floquet import Floquet
 
     if len(set(system.frequency_ratios)) < 2:
         return None
-    options = config.methods.floquet or FloquetOptions()
-    whole = Floquet(options.model_copy(update={"modes": None, "block": None, "exponents": False}), system)
-    return {"chosen": whole.outlook()}
+    return {"chosen": Floquet.whole(config.methods.floquet, system).outlook()}
 
 
 def text(period: dict[str, Any] | None) -> str:

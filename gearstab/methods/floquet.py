@@ -122,6 +122,12 @@ class Floquet(Restricted):
     def on(cls, options: Any, system: GearSystem) -> Method:
         return (Orbits if system.formulations else cls)(options, system)
 
+    @classmethod
+    def whole(cls, options: FloquetOptions | None, system: GearSystem) -> Floquet:
+        """Return the analysis of all modes of a system, with the growth rate alone, by the options of a sweep."""
+        plain = {"modes": None, "block": None, "exponents": False, "certificate": False}
+        return cls((options or FloquetOptions()).model_copy(update=plain), system)
+
     @cached_property
     def basis(self) -> Array | None:
         """Return the subspace to which the options restrict the system, None where they do not. Raises NotPossible."""

@@ -18,7 +18,7 @@ a double exponent of zero, which rounding makes grow.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -213,6 +213,12 @@ class FirstOrder:
     def subset(self, index: Array) -> FirstOrder:
         """Some of the rows, by position."""
         return replace(self, **{name: part[index] for name, part in vars(self).items() if part is not None})
+
+    @classmethod
+    def joined(cls, parts: Sequence[FirstOrder]) -> FirstOrder:
+        """All rows of several that have the same coordinates and laws."""
+        given = [name for name, own in vars(parts[0]).items() if own is not None]
+        return replace(parts[0], **{name: np.concatenate([getattr(part, name) for part in parts]) for name in given})
 
     def at_speeds(self, at: Array, speed: Array) -> FirstOrder:
         """Return a row for each of the speeds ``(K,)`` that rows ``at`` (K,) have, with what goes with it in A."""

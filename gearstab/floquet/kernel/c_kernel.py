@@ -306,6 +306,7 @@ def _of_chain(chain: Chain) -> tuple[Any, ...]:
 
 def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> Array:
     """What :func:`gearstab.floquet.kernel.lyapunov.moduli` says."""
+    chain, row = chain.at(row, cycle)
     logs = np.empty((len(row), chain.size))
     given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
 
@@ -321,6 +322,7 @@ def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> 
 
 def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
     """What :func:`gearstab.floquet.kernel.lyapunov.products` says."""
+    chain, row = chain.at(row, cycle)
     matrix, scale = np.empty((len(row), chain.size, chain.size)), np.empty(len(row))
     given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
 
@@ -363,6 +365,9 @@ def chained(
 
 def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | None = None) -> Array:
     """What :func:`gearstab.floquet.kernel.lyapunov.radii` says."""
+    chain, row = chain.at(row, cycle, slopes=True)
+    if chain.slope is not None:
+        return lyapunov.radii(chain, row, cycle, growth)
     radius = np.empty((len(row), 2))
     given = (*_of_chain(chain), contiguous(chain.weight), lyapunov.settings(chain))
     where = (_whole(row), contiguous(cycle), contiguous(growth))
