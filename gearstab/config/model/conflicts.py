@@ -81,7 +81,7 @@ def repeated_names(section: Any, key: str, one: str) -> Iterator[Conflict]:
     """Yield a conflict for each name of an entry of the list at a key that one before it has. one: what an entry is."""
     seen: set[str] = set()
     for place, item in items(getattr(section, key)):
-        name = item.get("name")
+        name = getattr(item, "name", None)
         if not isinstance(name, str):
             continue
         if name in seen:

@@ -95,17 +95,19 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
 
         targets = uncertain.resolve(context, value_at(document.data, uncertain.SECTION))
         base += uncertain.base_values(context, targets)
-    for path, value in reversed(base):  # the first one counts
-        bare = replaced(bare, path, value)
+    for path, value, place in reversed(base):  # the first one counts
+        bare, document.values["system", *path] = replaced(bare, path, value), place
     section = bare.with_files(contents)
     conflicts.report(document, ("system",), section.conflicts(), section)
-    given = {("system", *path) for path, _ in base}
+    given = {("system", *path) for path, _, _ in base}
     report_errors(document, errors, model, ("system",), given | check_units(document, section, "system", model, given))
     context = replace(context, system=section)
     built = [(layout.name, sweep.build(context, layout)) for layout in layouts]
     axes = tuple(item[0] for _, item in built if item)
     wanted = design.read(context, variables) if "design" in document.data else None
-    sound = all(("system", *error["loc"]) in given for error in errors) and all(value is not WRONG for _, value in base)
+    sound = all(("system", *error["loc"]) in given for error in errors) and all(
+        value is not WRONG for _, value, _ in base
+    )
     plain: dict[str, Any] = {}
     if sound:
         if section.damping is None and section.damping_ratio is None:

@@ -13,7 +13,7 @@ from pydantic import Field, WithJsonSchema
 
 from gearstab.config.document.problems import Path, Problem, dotted, nearest
 from gearstab.config.document.tree import mapping, sequence
-from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.document.yaml import Document, Where, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Assignment, Axis
 from gearstab.config.model.fields import NUMBER, AnyNumber, Section
 from gearstab.config.model.reading import WRONG, SkipRule
@@ -29,8 +29,8 @@ from gearstab.config.sections.methods import Methods
 from gearstab.config.sections.targets import INPUT_SPEED, Target, TargetError, described, resolve
 from gearstab.systems.base import System
 
-BaseValue = tuple[Path, Any]
-"""Where a number is below ``system``, and its value in SI units."""
+BaseValue = tuple[Path, Any, Where]
+"""Where a number is below ``system``, its value in SI units, and the place in the file that gives it."""
 GROUPS = ("modes", "bench", "teeth", *Methods.model_fields)
 """Names of the groups of a result."""
 LONGEST_NAME = 100
@@ -345,7 +345,8 @@ def base_values(context: Context, layouts: Iterable[UnresolvedAxis]) -> Iterator
             if is_absent(context, target.paths[0]):
                 first = WRONG if expansion.values is None else expansion.values[0]
                 first = float(first) if isinstance(first, np.floating) else first
-                yield target.paths[0], first if column.base is None else target.default
+                value = first if column.base is None else target.default
+                yield target.paths[0], value, context.document.where(column.path)
 
 
 def is_absent(context: Context, path: Path) -> bool:

@@ -134,7 +134,7 @@ def base_values(context: Context, targets: Mapping[str, list[Target]]) -> Iterat
             for target in (own for own in found if own.paths[0] != MESH_FREQUENCY):
                 if is_absent(context, target.paths[0]):
                     middle = numbers[len(numbers) // 2 if kind == "triangular" else 0]
-                    yield target.paths[0], as_far_as_right(target.annotation, middle)
+                    yield target.paths[0], as_far_as_right(target.annotation, middle), document.where(path)
 
 
 def uncertainties(

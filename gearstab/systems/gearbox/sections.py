@@ -146,7 +146,7 @@ class Gearbox(System):
         return len(self.turning())
 
     def turning(self) -> list[bool]:
-        held = {item[item.held] for item in self.planetary_sets if item.held is not None}
+        held = {item[str(item.held)] for item in self.planetary_sets if item.held is not None}
         found = [True for rotor in self.rotors if turns(rotor.support, rotor.name in held)]
         found += [False for rotor in self.rotors if moves(rotor.support) for _ in "xy"]
         for item in self.planetary_sets:
@@ -247,6 +247,6 @@ class Gearbox(System):
                 yield ("outputs", i, "rotor"), "already_given", message, "name another rotor, or add the torques up"
             seen.setdefault(item.rotor, "an output")
         for i, item in items(self.planetary_sets):
-            if item.held is not None and item[item.held] in seen:
-                message = f"rotor '{item[item.held]}' is {seen[item[item.held]]}, which turns"
+            if item.held is not None and item[str(item.held)] in seen:
+                message = f"rotor '{item[str(item.held)]}' is {seen[item[str(item.held)]]}, which turns"
                 yield ("planetary_sets", i, "held"), "inconsistent", message, "hold another member"

@@ -206,8 +206,9 @@ def drives(system: Any) -> bool:
     """Return whether the section ``system`` has something that drives it; what is wrong may do so."""
     if system is None:
         return True
-    ends = [getattr(system, "input", None), *(item for _, item in items(getattr(system, "outputs", None)))]
-    if any(getattr(end, "torque", None) is not None for end in ends if end is not WRONG):
+    ends = [getattr(system, "input", None), getattr(system, "outputs", None)]
+    ends += ends.pop() or () if ends[1] is not WRONG else ()
+    if any(end is WRONG or getattr(end, "torque", None) is not None for end in ends):
         return True
     meshes = [mesh for _, mesh in items(getattr(system, "meshes", None))]
     if any(mesh.transmission_error is not None for mesh in meshes):
