@@ -56,24 +56,14 @@ class System(Section):
     start: ClassVar[Start | None] = None
     """What ``gearstab init`` prints; a kind without one is not offered there."""
 
-    damping_ratio: NonNegative | None = Field(
-        default=None,
-        title="modal damping ratio",
-        description="Damping ratio of every mode of the mean system (1); or give damping.",
-    )
-    damping: Damping | None = Field(
-        default=None, title="damping", description="Other forms of damping; or give damping_ratio."
-    )
-    units: Annotated[str, Choice("system of units", ("SI", "none"))] = Field(
-        default="SI",
-        title="units",
-        description="SI, or none: the numbers have no units, and results say none.",
-    )
-    allow_negative_stiffness: Flag = Field(
-        default=False,
-        title="negative stiffness allowed",
-        description="Admit variations that make a mesh's softer level zero or negative, as no teeth can be.",
-    )
+    damping_ratio: NonNegative | None = Field(default=None, title="modal damping ratio")
+    """Damping ratio of every mode of the mean system (1); or give damping."""
+    damping: Damping | None = None
+    """Other forms of damping; or give damping_ratio."""
+    units: Annotated[str, Choice("system of units", ("SI", "none"))] = "SI"
+    """SI, or none: the numbers have no units, and results say none."""
+    allow_negative_stiffness: Flag = Field(default=False, title="negative stiffness allowed")
+    """Admit variations that make a mesh's softer level zero or negative, as no teeth can be."""
 
     def build(self) -> GearSystem:
         """Build the gear system; with ``units: none`` nothing in it has a unit."""

@@ -59,25 +59,18 @@ class GearPair(System):
         },
     )  # fmt: skip
 
-    kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
-    formulation: Annotated[str, Choice("formulation", (CLASSICAL,))] = Field(
-        default=CLASSICAL, title="formulation", description="classical: mesh stiffness as a function of time."
-    )
-    equivalent_mass: Mass = Field(
-        title="equivalent mass", description="m = 1/(r1^2/J1 + r2^2/J2), along the line of action (kg)."
-    )
-    meshes: tuple[NamedToothMesh] = Field(
-        title="meshes",
-        description="Exactly one tooth mesh, such as [{mean_stiffness: 2e8, epsilon: 0.2, contact_ratio: 1.6}].",
-    )
-    load: LoadOfOne | None = Field(
-        default=None, title="load", description="The static force along the line of action (N)."
-    )
-    teeth: tuple[Teeth, Teeth] | None = Field(
-        default=None,
-        title="numbers of teeth",
-        description="[N1, N2], for input_speed alone: that of the first gear, which drives.",
-    )
+    kind: Literal["gear_pair"] = Field(title="kind of system")
+    """A gear pair on rigid shafts."""
+    formulation: Annotated[str, Choice("formulation", (CLASSICAL,))] = CLASSICAL
+    """classical: mesh stiffness as a function of time."""
+    equivalent_mass: Mass
+    """m = 1/(r1^2/J1 + r2^2/J2), along the line of action (kg)."""
+    meshes: tuple[NamedToothMesh]
+    """Exactly one tooth mesh, such as [{mean_stiffness: 2e8, epsilon: 0.2, contact_ratio: 1.6}]."""
+    load: LoadOfOne | None = None
+    """The static force along the line of action (N)."""
+    teeth: tuple[Teeth, Teeth] | None = Field(default=None, title="numbers of teeth")
+    """[N1, N2], for input_speed alone: that of the first gear, which drives."""
 
     def size(self) -> int:
         return 1
@@ -127,44 +120,30 @@ class RotatingGearPair(System):
         "speed": "it belongs to the section respond; in a sweep vary mesh_frequency",
     }
 
-    kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
-    formulation: Formulation = Field(
-        default=CLASSICAL,
-        title="formulation",
-        description="classical: k(Omega t); rigid_kinematic: k(theta); energy_conserving: with the terms in dk/dtheta.",
-    )
-    teeth: tuple[Teeth, Teeth] = Field(title="numbers of teeth", description="[N1, N2]; the first gear drives.")
-    inertias: tuple[Inertia, Inertia] = Field(title="moment of inertia", description="[I1, I2] (kg m^2).")
-    torsional_stiffness: tuple[TorsionalStiffness, TorsionalStiffness] = Field(
-        title="torsional mesh stiffness",
-        description="[k1, k2] with one and with two pairs of teeth in contact; the strain energy is k phi^2 (N m).",
-    )
+    kind: Literal["gear_pair"] = Field(title="kind of system")
+    """A gear pair on rigid shafts."""
+    formulation: Formulation = CLASSICAL
+    """classical: k(Omega t); rigid_kinematic: k(theta); energy_conserving: with the terms in dk/dtheta."""
+    teeth: tuple[Teeth, Teeth] = Field(title="numbers of teeth")
+    """[N1, N2]; the first gear drives."""
+    inertias: tuple[Inertia, Inertia] = Field(title="moment of inertia")
+    """[I1, I2] (kg m^2)."""
+    torsional_stiffness: tuple[TorsionalStiffness, TorsionalStiffness] = Field(title="torsional mesh stiffness")
+    """[k1, k2] with one and with two pairs of teeth in contact; the strain energy is k phi^2 (N m)."""
     single_contact_angle: Annotated[float, Field(gt=0, lt=tau), Quantity("rad")] | None = Field(
-        default=None,
-        title="angle of single contact",
-        description="Of the 2 pi of a mesh cycle in theta, from its beginning on (rad); or give contact_ratio.",
+        default=None, title="angle of single contact"
     )
-    contact_ratio: Annotated[float, Field(gt=1, lt=2), Quantity()] | None = Field(
-        default=None,
-        title="contact ratio",
-        description="1 < c < 2: one pair for 2 - c of a mesh cycle, two for c - 1; or give single_contact_angle.",
-    )
-    torque: Annotated[float, Quantity("N m")] = Field(
-        title="torque", description="T0: N1 T0 drives the first gear, N2 T0 loads the second one (N m)."
-    )
-    damping_ratio: NonNegative | None = Field(
-        default=None,
-        title="damping ratio",
-        description="zeta, of w0 = sqrt(M2 (k1 + k2)/2); it acts on phi' in both equations (1).",
-    )
-    module: Length | None = Field(
-        default=None, title="module", description="For mesh forces on the pitch circles in newtons (m); or give radii."
-    )
-    radii: tuple[Length, Length] | None = Field(
-        default=None,
-        title="radius",
-        description="[r1, r2] of the circles on which mesh forces act, in the ratio of the teeth (m); or give module.",
-    )
+    """Of the 2 pi of a mesh cycle in theta, from its beginning on (rad); or give contact_ratio."""
+    contact_ratio: Annotated[float, Field(gt=1, lt=2), Quantity()] | None = None
+    """1 < c < 2: one pair for 2 - c of a mesh cycle, two for c - 1; or give single_contact_angle."""
+    torque: Annotated[float, Quantity("N m")]
+    """T0: N1 T0 drives the first gear, N2 T0 loads the second one (N m)."""
+    damping_ratio: NonNegative | None = None
+    """zeta, of w0 = sqrt(M2 (k1 + k2)/2); it acts on phi' in both equations (1)."""
+    module: Length | None = None
+    """For mesh forces on the pitch circles in newtons (m); or give radii."""
+    radii: tuple[Length, Length] | None = Field(default=None, title="radius")
+    """[r1, r2] of the circles on which mesh forces act, in the ratio of the teeth (m); or give module."""
 
     def size(self) -> int:
         return 1

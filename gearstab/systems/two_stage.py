@@ -41,32 +41,22 @@ class TwoStage(System):
         },
     )  # fmt: skip
 
-    kind: Literal["two_stage"] = Field(title="kind of system", description="Two meshes in a row, three or four gears.")
-    inertias: tuple[Mass, Mass, Mass] = Field(
-        title="equivalent mass", description="Equivalent masses [m1, m2, m3], inertias over squared base radii (kg)."
-    )
-    input_shaft_stiffness: Annotated[float, Field(ge=0), Quantity("N/m")] = Field(
-        title="input shaft stiffness",
-        description="k0, along the line of action (N/m); 0 leaves the train free to rotate.",
-    )
-    tooth_ratio: ExactRatio = Field(
-        default=Fraction(1),
-        title="tooth ratio",
-        description='R = Z2/Z4 = Omega_1/Omega_2, exact: 1 (three gears; the default), 0.6 or "3/5"; from teeth '
-        "where they are given.",
-    )
-    teeth: tuple[Teeth, Teeth, Teeth, Teeth] | None = Field(
-        default=None,
-        title="numbers of teeth",
-        description="[Z1, Z2, Z4, Z3] along the train: the input gear, both gears of the middle shaft (of three gears "
-        "the same number twice), the output gear. For tooth_ratio and input_speed.",
-    )
-    meshes: tuple[NamedToothMesh, SecondMesh] = Field(
-        title="meshes", description="The first and the second tooth mesh."
-    )
-    load: Load | None = Field(
-        default=None, title="load", description="Constant forces along the lines of action, one per coordinate (N)."
-    )
+    kind: Literal["two_stage"] = Field(title="kind of system")
+    """Two meshes in a row, three or four gears."""
+    inertias: tuple[Mass, Mass, Mass] = Field(title="equivalent mass")
+    """Equivalent masses [m1, m2, m3], inertias over squared base radii (kg)."""
+    input_shaft_stiffness: Annotated[float, Field(ge=0), Quantity("N/m")]
+    """k0, along the line of action (N/m); 0 leaves the train free to rotate."""
+    tooth_ratio: ExactRatio = Fraction(1)
+    """R = Z2/Z4 = Omega_1/Omega_2, exact: 1 (three gears; the default), 0.6 or "3/5"; from teeth where they are given.
+"""
+    teeth: tuple[Teeth, Teeth, Teeth, Teeth] | None = Field(default=None, title="numbers of teeth")
+    """[Z1, Z2, Z4, Z3] along the train: the input gear, both gears of the middle shaft (of three gears the same number
+    twice), the output gear. For tooth_ratio and input_speed."""
+    meshes: tuple[NamedToothMesh, SecondMesh]
+    """The first and the second tooth mesh."""
+    load: Load | None = None
+    """Constant forces along the lines of action, one per coordinate (N)."""
 
     def size(self) -> int:
         return 3

@@ -25,13 +25,13 @@ class FourierKeys(Keys):
     """Coefficients of the series."""
 
     sin: Annotated[list[Number], Field(max_length=MOST_HARMONICS)] | None = Field(
-        default=None,
-        title="sine coefficients",
-        description="fourier: a_s of sin s x, s = 1, 2, ..., x = Omega_i t - 2 pi lag (1).",
+        default=None, title="sine coefficients"
     )
+    """fourier: a_s of sin s x, s = 1, 2, ..., x = Omega_i t - 2 pi lag (1)."""
     cos: Annotated[list[Number], Field(max_length=MOST_HARMONICS)] | None = Field(
-        default=None, title="cosine coefficients", description="fourier: b_s of cos s x, s = 1, 2, ... (1)."
+        default=None, title="cosine coefficients"
     )
+    """fourier: b_s of cos s x, s = 1, 2, ... (1)."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
-from pydantic import Field
 
 from gearstab.config.model.arrays import vector
 from gearstab.config.model.conflicts import Conflict, exactly_one
@@ -123,11 +122,8 @@ class Sampled(OfStiffness):
 class TableKeys(FileKeys):
     """The file, and at which of its torques the mesh runs."""
 
-    torque: Annotated[float, TORQUE] | None = Field(
-        default=None,
-        title="torque",
-        description="table: at which the mesh runs, within those of the file (N m).",
-    )
+    torque: Annotated[float, TORQUE] | None = None
+    """table: at which the mesh runs, within those of the file (N m)."""
 
 
 @dataclass(frozen=True)

@@ -24,31 +24,20 @@ Position = Annotated[float, BeforeValidator(POSITION.number)]
 class FileKeys(Keys):
     """Samples in a file, and what is between them."""
 
-    file: StrictStr | None = Field(
-        default=None,
-        title="file of samples",
-        description="sampled, pair: a .csv or .h5 file of phase and stiffness, relative to the configuration; "
-        "table: of torque, phase and stiffness.",
-    )
-    interpolation: Annotated[str, Choice("interpolation", ("linear", "cubic"))] | None = Field(
-        default=None,
-        title="interpolation",
-        description="sampled, pair, table: linear (order 2, the default) or cubic, a spline (order 4, overshoots at "
-        "jumps).",
-    )
+    file: StrictStr | None = Field(default=None, title="file of samples")
+    """sampled, pair: a .csv or .h5 file of phase and stiffness, relative to the configuration; table: of torque, phase
+    and stiffness."""
+    interpolation: Annotated[str, Choice("interpolation", ("linear", "cubic"))] | None = None
+    """sampled, pair, table: linear (order 2, the default) or cubic, a spline (order 4, overshoots at jumps)."""
 
 
 class SampleKeys(FileKeys):
     """Samples, in the section or in a file."""
 
-    phase: list[Position] | None = Field(
-        default=None,
-        title="phases of the samples",
-        description="sampled: in [0, 1), ascending; pair: from 0 to 1 along the contact of one pair (1).",
-    )
-    stiffness: list[Annotated[float, SAMPLED]] | None = Field(
-        default=None, title="sampled stiffness", description="sampled, pair: one value per phase (N/m)."
-    )
+    phase: list[Position] | None = Field(default=None, title="phases of the samples")
+    """sampled: in [0, 1), ascending; pair: from 0 to 1 along the contact of one pair (1)."""
+    stiffness: list[Annotated[float, SAMPLED]] | None = Field(default=None, title="sampled stiffness")
+    """sampled, pair: one value per phase (N/m)."""
 
 
 def missing_source(wave: type[Waveform], section: Any) -> Conflict | None:

@@ -9,6 +9,7 @@ from pydantic import Field, create_model
 
 from gearstab.config.model.conflicts import Conflict, within
 from gearstab.config.model.fields import Choice
+from gearstab.config.model.introspection import descriptions
 from gearstab.config.model.reading import WRONG
 from gearstab.waveforms import WAVEFORMS, Waveform
 from gearstab.waveforms.base import Keys
@@ -81,7 +82,7 @@ def _conflicts(wave: type[Waveform], section: Any) -> Iterator[Conflict]:
             yield (key,), "not_applicable", f"a {name} wave takes no {key}", f"remove it, or choose kind: {owners(key)}"
     for key in wave.required:
         if section[key] is None:
-            description = (fields[key].description or "").partition(": ")[2]
+            description = descriptions(wave.keys)[key].partition(": ")[2]
             yield (key,), "missing", "is missing", f"add {key}: {description.rstrip('.')}"
     if section.model_fields_set <= fields.keys() or wave.sources:
         yield from wave.conflicts(section)

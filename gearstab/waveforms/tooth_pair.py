@@ -27,20 +27,15 @@ class ShapeKeys(Keys):
     """The stiffness of one pair along its contact, as a formula."""
 
     shape: Annotated[str, Choice("shape", ("constant", "parabolic"))] | None = Field(
-        default=None,
-        title="shape of a pair's stiffness",
-        description="pair: along the contact of one pair, constant or parabolic; or give file, or stiffness.",
+        default=None, title="shape of a pair's stiffness"
     )
-    ends: NonNegative | None = Field(
-        default=None,
-        title="stiffness at the ends of contact",
-        description="pair: of a parabolic shape, over that in the middle (1); 0.55 without (Cai & Hayashi 1994).",
-    )
+    """pair: along the contact of one pair, constant or parabolic; or give file, or stiffness."""
+    ends: NonNegative | None = Field(default=None, title="stiffness at the ends of contact")
+    """pair: of a parabolic shape, over that in the middle (1); 0.55 without (Cai & Hayashi 1994)."""
     pair_stiffness: Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))] | None = Field(
-        default=None,
-        title="stiffness of one pair",
-        description="pair: in the middle of its contact (N/m); the mesh then needs no mean_stiffness.",
+        default=None, title="stiffness of one pair"
     )
+    """pair: in the middle of its contact (N/m); the mesh then needs no mean_stiffness."""
 
 
 class PairKeys(SampleKeys, ShapeKeys):

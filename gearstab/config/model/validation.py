@@ -12,7 +12,7 @@ from gearstab.config.document.codes import code_of
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.fields import Section
-from gearstab.config.model.introspection import bare, field_types, is_model, number_kind, type_at
+from gearstab.config.model.introspection import bare, descriptions, field_types, is_model, number_kind, type_at
 from gearstab.config.model.not_modelled import not_modelled
 from gearstab.config.model.reading import read, right_name
 
@@ -82,7 +82,7 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
     if _lacks(detail) and isinstance(loc[-1], int):
         _wrong_count(document, here[:-1], parent)
     elif _lacks(detail):
-        description = parent.model_fields[loc[-1]].description or ""
+        description = descriptions(parent).get(str(loc[-1]), "")
         document.report(here, "missing", "is missing", f"add {loc[-1]}: {description.rstrip('.')}")
     elif detail["type"] == "extra_forbidden":
         key = str(loc[-1])

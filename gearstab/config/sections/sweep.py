@@ -46,17 +46,20 @@ TIED = {"anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": EACH}, RANGE
 class Tie(Section):
     """Several parameters on one axis."""
 
-    targets: list[str] = Field(title="targets", min_length=1, description="Names of the parameters that vary together.")
-    values: Annotated[Any, WithJsonSchema(TIED)] = Field(
-        default=None,
-        title="values",
-        description="One list or range for all targets, or a list of them, one for each target.",
-    )
-    start: AnyNumber | None = Field(default=None, title="start", description="The first value, of all targets.")
-    stop: AnyNumber | None = Field(default=None, title="stop", description="The last value, of all targets.")
-    num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
-    step: AnyNumber | None = Field(default=None, title="step", description="From value to value; or give num.")
-    spacing: Spacing | None = Field(default=None, title="spacing", description="linear or log.")
+    targets: list[str] = Field(min_length=1)
+    """Names of the parameters that vary together."""
+    values: Annotated[Any, WithJsonSchema(TIED)] = None
+    """One list or range for all targets, or a list of them, one for each target."""
+    start: AnyNumber | None = None
+    """The first value, of all targets."""
+    stop: AnyNumber | None = None
+    """The last value, of all targets."""
+    num: Count | None = Field(default=None, title="number of values")
+    """How many values; or give step."""
+    step: AnyNumber | None = None
+    """From value to value; or give num."""
+    spacing: Spacing | None = None
+    """linear or log."""
 
 
 @dataclass

@@ -23,6 +23,7 @@ from gearstab.config.model.introspection import (
     number_kind,
     quantity,
     ratio,
+    title_of,
     type_at,
 )
 from gearstab.config.model.reading import WRONG, SkipRule, told
@@ -160,7 +161,7 @@ def _of_meshes(name: str, short: ShortName, system: System) -> list[Target]:
         if not is_model(kind) or name not in field_types(kind) or not may_have(name, short, place[-1], mesh):
             continue
         field = kind.model_fields[name]
-        found.append(Target(((*place, name),), field_types(kind)[name], field.title, _default(field, name)))
+        found.append(Target(((*place, name),), field_types(kind)[name], title_of(kind, name), _default(field, name)))
     if found:
         return found
     if "meshes" in type(system).model_fields and not any(True for _ in system.mesh_places()):
@@ -180,7 +181,7 @@ def _walk(name: str, parts: list[str], system: System) -> Target:
             _check_waveform(part, value, dotted(("system", *path, part)))
         if is_model(annotation) and part in field_types(annotation):
             field = annotation.model_fields[part]
-            title, default = field.title or part, _default(field, part)
+            title, default = title_of(annotation, part), _default(field, part)
             annotation, step = _of_its_kind(field_types(annotation)[part], value), part
             if is_model(annotation) and issubclass(annotation, ToothMesh):
                 owner = f" of {part}"

@@ -39,19 +39,15 @@ class Friction(Section):
     """Sliding friction between the teeth of a mesh."""
 
     kind: Annotated[str, Choice("law of friction", tuple(FRICTIONS))] = Field(
-        default="constant",
-        title="law of friction",
-        description="constant; xu_kahraman (2007) and benedict_kelley (1961) for lubricated teeth.",
+        default="constant", title="law of friction"
     )
-    coefficient: NonNegative | None = Field(
-        default=None, title="coefficient of friction", description="constant: mu (1)."
-    )
-    viscosity: Annotated[float, Field(gt=0), Quantity("Pa s")] | None = Field(
-        default=None, title="viscosity", description='Dynamic, of the oil at the inlet (Pa s, "10 mPa s").'
-    )
-    roughness: NonNegativeLength | None = Field(
-        default=None, title="roughness", description='Of the flanks, root mean square (m, "0.4 um").'
-    )
+    """constant; xu_kahraman (2007) and benedict_kelley (1961) for lubricated teeth."""
+    coefficient: NonNegative | None = Field(default=None, title="coefficient of friction")
+    """constant: mu (1)."""
+    viscosity: Annotated[float, Field(gt=0), Quantity("Pa s")] | None = None
+    """Dynamic, of the oil at the inlet (Pa s, "10 mPa s")."""
+    roughness: NonNegativeLength | None = None
+    """Of the flanks, root mean square (m, "0.4 um")."""
 
     def conflicts(self) -> Iterator[Conflict]:
         """The keys of its law and no others."""
@@ -70,43 +66,29 @@ class GearboxMesh(NamedToothMesh):
 
     misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}
 
-    gears: Annotated[list[NameText], Field(min_length=2, max_length=2)] = Field(
-        title="gears", description="Names of the driver and of the driven gear."
-    )
-    position: Annotated[float, Quantity("rad")] = Field(
-        default=0.0,
-        title="position of the driven gear",
-        description="psi: angle of the line from the driver's centre to the driven gear's (rad, \"90 deg\").",
-    )
-    centre_distance: Length | None = Field(
-        default=None, title="centre distance", description="C (m); that of a mesh without backlash, if not given."
-    )
-    lag: Lag = Field(
-        default=0.0, title="mesh lag", description="A pair of teeth enters this fraction of the mesh period late (1)."
-    )
-    damping_ratio: NonNegative | None = Field(
-        default=None,
-        title="damping ratio of the mesh",
-        description="zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping.",
-    )
+    gears: Annotated[list[NameText], Field(min_length=2, max_length=2)]
+    """Names of the driver and of the driven gear."""
+    position: Annotated[float, Quantity("rad")] = Field(default=0.0, title="position of the driven gear")
+    """psi: angle of the line from the driver's centre to the driven gear's (rad, "90 deg")."""
+    centre_distance: Length | None = None
+    """C (m); that of a mesh without backlash, if not given."""
+    lag: Lag = Field(default=0.0, title="mesh lag")
+    """A pair of teeth enters this fraction of the mesh period late (1)."""
+    damping_ratio: NonNegative | None = Field(default=None, title="damping ratio of the mesh")
+    """zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping."""
     reduction: Annotated[str, Choice("reduction", ("levels", "peak-to-peak", "first harmonic"))] = Field(
-        default="levels",
-        title="reduction of the teeth's stiffness",
-        description="What a rectangular wave keeps of it: levels, the mean with fewer and with more pairs in contact; "
-        "its peak-to-peak; or its first harmonic.",
+        default="levels", title="reduction of the teeth's stiffness"
     )
-    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] = Field(
-        default=1.0,
-        title="double contact factor",
-        description="Stiffness of two pairs over the sum of theirs (1): teeth on one body deflect each other.",
-    )
-    single_pair_stiffness: Stiffness | None = Field(
-        default=None, title="measured stiffness of a pair", description="In contact at the pitch point (N/m)."
-    )
-    variation: NonNegative | None = Field(
-        default=None, title="measured variation", description="(max k - min k)/mean k of the mesh stiffness (1)."
-    )
-    friction: Friction | None = Field(default=None, title="friction", description="Between the teeth; none without.")
+    """What a rectangular wave keeps of it: levels, the mean with fewer and with more pairs in contact; its peak-to-
+    peak; or its first harmonic."""
+    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] = 1.0
+    """Stiffness of two pairs over the sum of theirs (1): teeth on one body deflect each other."""
+    single_pair_stiffness: Stiffness | None = Field(default=None, title="measured stiffness of a pair")
+    """In contact at the pitch point (N/m)."""
+    variation: NonNegative | None = Field(default=None, title="measured variation")
+    """(max k - min k)/mean k of the mesh stiffness (1)."""
+    friction: Friction | None = None
+    """Between the teeth; none without."""
 
     def conflicts(self, from_teeth: bool = True) -> Iterator[Conflict]:
         """Each quantity once; a wave that is complete where the teeth do not give it."""

@@ -42,31 +42,25 @@ Torque = Annotated[float, Field(gt=0), Quantity("N m")]
 class Input(Section):
     """What drives the train."""
 
-    rotor: NameText = Field(
-        title="input rotor", description="Name of the rotor that drives the train, where power enters it."
-    )
-    torque: Torque | None = Field(
-        default=None, title="input torque", description="On the input rotor (N m); follows from the outputs' without."
-    )
-    speed: AngularFrequency | None = Field(
-        default=None,
-        title="nominal speed",
-        description='Of the input rotor, for friction (rad/s, "1500 rpm"); sweeps set it by the axis input_speed.',
-    )
+    rotor: NameText = Field(title="input rotor")
+    """Name of the rotor that drives the train, where power enters it."""
+    torque: Torque | None = Field(default=None, title="input torque")
+    """On the input rotor (N m); follows from the outputs' without."""
+    speed: AngularFrequency | None = Field(default=None, title="nominal speed")
+    """Of the input rotor, for friction (rad/s, "1500 rpm"); sweeps set it by the axis input_speed."""
     sense: Annotated[str, Choice("sense", ("counter-clockwise", "clockwise"))] = Field(
-        default="counter-clockwise", title="sense of rotation", description="Of the input rotor, seen along z."
+        default="counter-clockwise", title="sense of rotation"
     )
+    """Of the input rotor, seen along z."""
 
 
 class Output(Section):
     """Where power leaves the train."""
 
-    rotor: NameText = Field(title="output rotor", description="Name of the rotor that is loaded.")
-    torque: Torque | None = Field(
-        default=None,
-        title="output torque",
-        description="It takes (N m); without, the outputs share the input's power equally.",
-    )
+    rotor: NameText = Field(title="output rotor")
+    """Name of the rotor that is loaded."""
+    torque: Torque | None = Field(default=None, title="output torque")
+    """It takes (N m); without, the outputs share the input's power equally."""
 
 
 class Gearbox(System):
@@ -99,25 +93,27 @@ class Gearbox(System):
         {"input_speed": ({"start": "300 rpm", "stop": "9000 rpm", "num": 301}, "of the motor")},
     )  # fmt: skip
 
-    kind: Literal["gearbox"] = Field(title="kind of system", description="A multistage gearbox, from its teeth.")
-    gears: Teeth = Field(
-        default=Teeth(), title="gears", description="What all gears share: basic profile and face width."
-    )
-    material: Material = Field(default=Material(), title="material", description="Of gears and shafts.")
-    rotors: Annotated[list[Rotor], Field(min_length=2)] = Field(title="rotors", description="Gears and inertias.")
-    shafts: list[Shaft] = Field(default=[], title="shafts", description="Torsional springs between rotors.")
-    planetary_sets: list[PlanetarySet] = Field(
-        default=[], title="planetary sets", description="A sun, planets on a carrier and a ring each."
-    )
-    meshes: list[GearboxMesh] = Field(
-        default=[], title="meshes", description="Pairs of gears, the driver first; optional with planetary sets."
-    )
-    input: Input = Field(title="input", description="The rotor that drives the train.")
-    outputs: list[Output] = Field(default=[], title="outputs", description="The rotors that are loaded.")
+    kind: Literal["gearbox"] = Field(title="kind of system")
+    """A multistage gearbox, from its teeth."""
+    gears: Teeth = Teeth()
+    """What all gears share: basic profile and face width."""
+    material: Material = Material()
+    """Of gears and shafts."""
+    rotors: Annotated[list[Rotor], Field(min_length=2)]
+    """Gears and inertias."""
+    shafts: list[Shaft] = Field(default=[])
+    """Torsional springs between rotors."""
+    planetary_sets: list[PlanetarySet] = Field(default=[])
+    """A sun, planets on a carrier and a ring each."""
+    meshes: list[GearboxMesh] = Field(default=[])
+    """Pairs of gears, the driver first; optional with planetary sets."""
+    input: Input
+    """The rotor that drives the train."""
+    outputs: list[Output] = Field(default=[])
+    """The rotors that are loaded."""
 
-    damping_factor: NonNegative = Field(
-        default=1.0, title="damping factor", description="On the damping of meshes, shafts and supports (1)."
-    )
+    damping_factor: NonNegative = 1.0
+    """On the damping of meshes, shafts and supports (1)."""
 
     def equations(self) -> GearSystem:
         """See :func:`gearstab.systems.gearbox.build.build`."""

@@ -44,31 +44,24 @@ MEMBERS = ("sun", "ring", "carrier")
 class Planets(Teeth):
     """The equal planets of a set; what is not given of their teeth is that of the sun's."""
 
-    count: Annotated[Fraction, Count(of="planets"), Field(le=MOST_PLANETS)] = Field(
-        title="number of planets", description="N >= 3, equally spaced without angles."
-    )
-    teeth: ToothCount = Field(title="teeth of a planet", description="z_p.")
+    count: Annotated[Fraction, Count(of="planets"), Field(le=MOST_PLANETS)] = Field(title="number of planets")
+    """N >= 3, equally spaced without angles."""
+    teeth: ToothCount = Field(title="teeth of a planet")
+    """z_p."""
     angles: list[Annotated[float, Quantity("rad")]] | None = Field(
-        default=None,
-        title="angle of a planet",
-        description="psi_n (rad, or with a unit), or assemble: the nearest to equal ones at which the teeth fit.",
-        json_schema_extra=also({"const": ASSEMBLE}),
+        default=None, title="angle of a planet", json_schema_extra=also({"const": ASSEMBLE})
     )
-    profile_shift: Number | None = Field(
-        default=None, title="profile shift", description="x, in modules (1); closes the backlash without."
-    )
-    mass: Mass | None = Field(default=None, title="mass of a planet", description="(kg); that of its disc without.")
-    inertia: Inertia | None = Field(
-        default=None, title="moment of inertia of a planet", description="(kg m^2); that of its disc without."
-    )
-    bore_radius: NonNegativeLength | None = Field(
-        default=None, title="radius of the bore", description="Of a planet's disc (m)."
-    )
-    support: Support | None = Field(
-        default=None,
-        title="planet bearing",
-        description="Between each planet and the carrier; without, the planets' centres are fixed on it.",
-    )
+    """psi_n (rad, or with a unit), or assemble: the nearest to equal ones at which the teeth fit."""
+    profile_shift: Number | None = None
+    """x, in modules (1); closes the backlash without."""
+    mass: Mass | None = Field(default=None, title="mass of a planet")
+    """(kg); that of its disc without."""
+    inertia: Inertia | None = Field(default=None, title="moment of inertia of a planet")
+    """(kg m^2); that of its disc without."""
+    bore_radius: NonNegativeLength | None = Field(default=None, title="radius of the bore")
+    """Of a planet's disc (m)."""
+    support: Support | None = Field(default=None, title="planet bearing")
+    """Between each planet and the carrier; without, the planets' centres are fixed on it."""
 
 
 class SetMesh(ToothMesh):
@@ -79,70 +72,55 @@ class SetMesh(ToothMesh):
         "lag": "lags of a set follow from its teeth; give phases: {sun_ring: ..} to the set for that of the ring",
     }
 
-    damping_ratio: NonNegative | None = Field(
-        default=None,
-        title="damping ratio of the mesh",
-        description="zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping.",
-    )
-    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = Field(
-        default=None,
-        title="double contact factor",
-        description="Stiffness of two pairs over the sum of theirs (1); 1 without.",
-    )
-    single_pair_stiffness: Stiffness | None = Field(
-        default=None,
-        title="measured stiffness of a pair",
-        description="In contact at the pitch point (N/m); the ring's teeth are not computed and need it.",
-    )
-    variation: NonNegative | None = Field(
-        default=None, title="measured variation", description="(max k - min k)/mean k of the mesh stiffness (1)."
-    )
+    damping_ratio: NonNegative | None = Field(default=None, title="damping ratio of the mesh")
+    """zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping."""
+    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = None
+    """Stiffness of two pairs over the sum of theirs (1); 1 without."""
+    single_pair_stiffness: Stiffness | None = Field(default=None, title="measured stiffness of a pair")
+    """In contact at the pitch point (N/m); the ring's teeth are not computed and need it."""
+    variation: NonNegative | None = Field(default=None, title="measured variation")
+    """(max k - min k)/mean k of the mesh stiffness (1)."""
 
 
 class SetMeshes(Section):
     """Both kinds of meshes of a set."""
 
-    sun: SetMesh = Field(default=SetMesh(), title="sun's meshes", description="Each planet with the sun.")
-    ring: SetMesh = Field(default=SetMesh(), title="ring's meshes", description="Each planet with the ring.")
+    sun: SetMesh = Field(default=SetMesh(), title="sun's meshes")
+    """Each planet with the sun."""
+    ring: SetMesh = Field(default=SetMesh(), title="ring's meshes")
+    """Each planet with the ring."""
 
 
 class SetPhases(Section):
     """The lag of the ring's meshes behind the sun's; the others follow from the teeth."""
 
-    sun_ring: Turns | None = Field(
-        default=None, title="phase of the ring's meshes", description="gamma_sr (1); from teeth by the rule without."
-    )
-    rule: Annotated[str, Choice("rule", tuple(RULES))] | None = Field(
-        default=None,
-        title="rule of the ring's lag",
-        description="gamma_sr from entry to entry, the default, or from pitch_point to pitch_point.",
-    )
+    sun_ring: Turns | None = Field(default=None, title="phase of the ring's meshes")
+    """gamma_sr (1); from teeth by the rule without."""
+    rule: Annotated[str, Choice("rule", tuple(RULES))] | None = Field(default=None, title="rule of the ring's lag")
+    """gamma_sr from entry to entry, the default, or from pitch_point to pitch_point."""
 
 
 class PlanetarySet(Named):
     """A sun, planets on a carrier and a ring; each member is a rotor of the train."""
 
-    sun: NameText = Field(title="sun", description="Name of its rotor, an external gear.")
-    ring: NameText = Field(title="ring", description="Name of its rotor, an internal gear.")
-    carrier: NameText = Field(title="carrier", description="Name of its rotor.")
-    held: Annotated[str, Choice("held member", MEMBERS)] | None = Field(
-        default=None, title="held member", description="sun, ring or carrier, if one of them does not turn."
-    )
-    planets: Planets = Field(title="planets", description="Equal planets on the carrier.")
-    centre_distance: Length | None = Field(
-        default=None,
-        title="centre distance",
-        description="a (m); that of the profile shifts of sun and planet, else m (z_s + z_r)/4 without.",
-    )
-    meshes: SetMeshes = Field(default=SetMeshes(), title="meshes", description="Of the sun and of the ring.")
-    carrier_speed: Annotated[str, Choice("carrier speed", ("from_teeth",))] | None = Field(
-        default=None,
-        title="carrier speed",
-        description="from_teeth: with the gyroscopic and centripetal terms of the turning carrier; none without.",
-    )
-    phases: SetPhases | None = Field(
-        default=None, title="mesh phases", description="How far the ring's meshes lag the sun's."
-    )
+    sun: NameText
+    """Name of its rotor, an external gear."""
+    ring: NameText
+    """Name of its rotor, an internal gear."""
+    carrier: NameText
+    """Name of its rotor."""
+    held: Annotated[str, Choice("held member", MEMBERS)] | None = Field(default=None, title="held member")
+    """sun, ring or carrier, if one of them does not turn."""
+    planets: Planets
+    """Equal planets on the carrier."""
+    centre_distance: Length | None = None
+    """a (m); that of the profile shifts of sun and planet, else m (z_s + z_r)/4 without."""
+    meshes: SetMeshes = SetMeshes()
+    """Of the sun and of the ring."""
+    carrier_speed: Annotated[str, Choice("carrier speed", ("from_teeth",))] | None = None
+    """from_teeth: with the gyroscopic and centripetal terms of the turning carrier; none without."""
+    phases: SetPhases | None = Field(default=None, title="mesh phases")
+    """How far the ring's meshes lag the sun's."""
 
 
 def by_name(box: Any) -> dict[str, Rotor] | None:

@@ -81,61 +81,36 @@ class Matrices(System):
         },
     )  # fmt: skip
 
-    kind: Literal["matrices"] = Field(title="kind of system", description="A model given as matrices.")
-    mass: list[list[MassEntry]] | None = Field(
-        default=None,
-        title="mass matrix",
-        description="M, one row per coordinate (kg, or kg m^2 of a rotation); symmetric, positive definite.",
-    )
-    stiffness: list[list[StiffnessEntry]] | None = Field(
-        default=None,
-        title="stiffness matrix",
-        description="K0, everything but the meshes (N/m, or N m/rad of a rotation); unsymmetric of some bearings.",
-    )
-    file: StrictStr | None = Field(
-        default=None,
-        title="file of matrices",
-        description="A .npz, .h5 or .mat file of mass, stiffness and optionally damping, beside the configuration.",
-    )
-    files: MatrixFiles | None = Field(
-        default=None,
-        title="files of matrices",
-        description="Matrix Market files (.mtx) instead, one for each of mass, stiffness and optionally damping.",
-    )
-    coordinates: list[NameText] | None = Field(
-        default=None, title="coordinates", description="Names of the coordinates; q1, q2, ... without."
-    )
-    coordinate_units: CoordinateUnits | None = Field(
-        default=None,
-        title="units of the coordinates",
-        description="m, or rad of rotations: one for all coordinates, or a list of them; m without.",
-    )
-    damping: Damping | None = Field(
-        default=None,
-        title="damping",
-        description="The damping matrix, or other forms of damping; or give damping_ratio.",
-        json_schema_extra=also(ROWS),
-    )
+    kind: Literal["matrices"] = Field(title="kind of system")
+    """A model given as matrices."""
+    mass: list[list[MassEntry]] | None = Field(default=None, title="mass matrix")
+    """M, one row per coordinate (kg, or kg m^2 of a rotation); symmetric, positive definite."""
+    stiffness: list[list[StiffnessEntry]] | None = Field(default=None, title="stiffness matrix")
+    """K0, everything but the meshes (N/m, or N m/rad of a rotation); unsymmetric of some bearings."""
+    file: StrictStr | None = Field(default=None, title="file of matrices")
+    """A .npz, .h5 or .mat file of mass, stiffness and optionally damping, beside the configuration."""
+    files: MatrixFiles | None = Field(default=None, title="files of matrices")
+    """Matrix Market files (.mtx) instead, one for each of mass, stiffness and optionally damping."""
+    coordinates: list[NameText] | None = None
+    """Names of the coordinates; q1, q2, ... without."""
+    coordinate_units: CoordinateUnits | None = Field(default=None, title="units of the coordinates")
+    """m, or rad of rotations: one for all coordinates, or a list of them; m without."""
+    damping: Damping | None = Field(default=None, json_schema_extra=also(ROWS))
+    """The damping matrix, or other forms of damping; or give damping_ratio."""
     deflection_unit: Annotated[str, Choice("unit of a mesh deflection", UNITS)] = Field(
-        default="m",
-        title="unit of the mesh deflections",
-        description="m, or rad of meshes whose stiffness is in N m/rad.",
+        default="m", title="unit of the mesh deflections"
     )
-    meshes: list[MatrixMesh] = Field(title="meshes", min_length=1, description="At least one tooth mesh.")
-    terms: list[Term] = Field(
-        default=[],
-        title="terms",
-        description="Further periodic or constant parts a u v^T of the stiffness and damping matrix, of any symmetry.",
-    )
-    rotation: Annotated[list[RotationSection], OneAsWell()] = Field(
-        default=[],
-        title="rotation",
-        description="Speeds of rotation with gyroscopic, centripetal and circulatory matrices; one, or a list of them.",
-    )
-    load: Annotated[Load, ByCoordinate()] | None = Field(
-        default=None, title="load", description="Constant forces, one per coordinate (N, or N m of a rotation)."
-    )
-    forces: list[Force] = Field(default=[], title="forces", description="Periodic external forces.")
+    """m, or rad of meshes whose stiffness is in N m/rad."""
+    meshes: list[MatrixMesh] = Field(min_length=1)
+    """At least one tooth mesh."""
+    terms: list[Term] = Field(default=[])
+    """Further periodic or constant parts a u v^T of the stiffness and damping matrix, of any symmetry."""
+    rotation: Annotated[list[RotationSection], OneAsWell()] = Field(default=[])
+    """Speeds of rotation with gyroscopic, centripetal and circulatory matrices; one, or a list of them."""
+    load: Annotated[Load, ByCoordinate()] | None = None
+    """Constant forces, one per coordinate (N, or N m of a rotation)."""
+    forces: list[Force] = Field(default=[])
+    """Periodic external forces."""
 
     def size(self) -> int | None:
         mass: Any = self.mass

@@ -22,21 +22,14 @@ MatrixEntry = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 class Damping(Section):
     """Damping of the whole system, in one of three forms."""
 
-    modal: list[NonNegative] | None = Field(
-        default=None,
-        title="modal damping ratios",
-        description="One damping ratio per mode, by ascending natural frequency (1).",
-    )
+    modal: list[NonNegative] | None = Field(default=None, title="modal damping ratios")
+    """One damping ratio per mode, by ascending natural frequency (1)."""
     rayleigh: (
         tuple[Annotated[float, Field(ge=0), Quantity("1/s")], Annotated[float, Field(ge=0), Quantity("s")]] | None
-    ) = Field(
-        default=None,
-        title="Rayleigh damping",
-        description="[alpha (1/s), beta (s)]: C = alpha M + beta K of the mean system.",
-    )
-    matrix: list[list[MatrixEntry]] | None = Field(
-        default=None, title="damping matrix", description="C, one row per coordinate (N s/m); symmetric."
-    )
+    ) = Field(default=None, title="Rayleigh damping")
+    """[alpha (1/s), beta (s)]: C = alpha M + beta K of the mean system."""
+    matrix: list[list[MatrixEntry]] | None = Field(default=None, title="damping matrix")
+    """C, one row per coordinate (N s/m); symmetric."""
 
     def conflicts(self, size: int | None) -> Iterator[Conflict]:
         """Exactly one form, of the size of the system."""

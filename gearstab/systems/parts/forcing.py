@@ -56,17 +56,13 @@ class TransmissionError(Section):
     """The unloaded static transmission error of a mesh as a Fourier series over its period."""
 
     sin: list[ErrorAmplitude] = Field(
-        default=[],
-        max_length=MOST_HARMONICS,
-        title="sine amplitudes of the transmission error",
-        description="a_s of sin s x, s = 1, 2, ..., x = Omega_i t - 2 pi lag (m, or rad where the mesh turns).",
+        default=[], max_length=MOST_HARMONICS, title="sine amplitudes of the transmission error"
     )
+    """a_s of sin s x, s = 1, 2, ..., x = Omega_i t - 2 pi lag (m, or rad where the mesh turns)."""
     cos: list[ErrorAmplitude] = Field(
-        default=[],
-        max_length=MOST_HARMONICS,
-        title="cosine amplitudes of the transmission error",
-        description="b_s of cos s x, s = 1, 2, ... (m, or rad where the mesh turns).",
+        default=[], max_length=MOST_HARMONICS, title="cosine amplitudes of the transmission error"
     )
+    """b_s of cos s x, s = 1, 2, ... (m, or rad where the mesh turns)."""
 
     def conflicts(self) -> Iterator[Conflict]:
         """Yield a conflict without any harmonic."""
@@ -76,31 +72,18 @@ class TransmissionError(Section):
 class Force(Section):
     """A periodic external force, given by its Fourier series."""
 
-    name: NameText | None = Field(default=None, title="name of the force", description="What messages call it.")
-    direction: Vector = Field(
-        title="direction of the force",
-        description="u, the force acts as u times its value: one number per coordinate, or {coordinate: value} (1).",
-    )
-    sin: list[ForceAmplitude] = Field(
-        default=[],
-        max_length=MOST_HARMONICS,
-        title="sine amplitudes of the force",
-        description="Of sin s x, s = 1, 2, ..., x = r Omega t - 2 pi lag (N, or N m of a rotation).",
-    )
-    cos: list[ForceAmplitude] = Field(
-        default=[],
-        max_length=MOST_HARMONICS,
-        title="cosine amplitudes of the force",
-        description="Of cos s x, s = 1, 2, ... (N, or N m of a rotation).",
-    )
-    frequency_ratio: ExactRatio = Field(
-        default=Fraction(1),
-        title="frequency ratio of the force",
-        description='r, its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2".',
-    )
-    lag: Turns = Field(
-        default=0.0, title="lag of the force", description="It begins this fraction of its own period late (1)."
-    )
+    name: NameText | None = Field(default=None, title="name of the force")
+    """What messages call it."""
+    direction: Vector = Field(title="direction of the force")
+    """u, the force acts as u times its value: one number per coordinate, or {coordinate: value} (1)."""
+    sin: list[ForceAmplitude] = Field(default=[], max_length=MOST_HARMONICS, title="sine amplitudes of the force")
+    """Of sin s x, s = 1, 2, ..., x = r Omega t - 2 pi lag (N, or N m of a rotation)."""
+    cos: list[ForceAmplitude] = Field(default=[], max_length=MOST_HARMONICS, title="cosine amplitudes of the force")
+    """Of cos s x, s = 1, 2, ... (N, or N m of a rotation)."""
+    frequency_ratio: ExactRatio = Field(default=Fraction(1), title="frequency ratio of the force")
+    """r, its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2"."""
+    lag: Turns = Field(default=0.0, title="lag of the force")
+    """It begins this fraction of its own period late (1)."""
 
     def conflicts(self, size: int | None) -> Iterator[Conflict]:
         """Yield conflicts without any harmonic, and of a direction that is zero or not of the size of the system."""

@@ -26,6 +26,7 @@ from gearstab.config.model.fields import (
     Stiffness,
     Turns,
 )
+from gearstab.config.model.introspection import descriptions
 from gearstab.config.model.reading import known
 from gearstab.system import Array
 from gearstab.systems.parts.forcing import TransmissionError
@@ -53,63 +54,41 @@ ZEROS = ("middle", "drive_side")
 class Named(Section):
     """Something in a list that is called by a name."""
 
-    name: NameText = Field(title="name", description="What paths, labels and messages call the mesh; unique.")
+    name: NameText
+    """What paths, labels and messages call the mesh; unique."""
 
 
 class ToothMesh(Section):
     """A tooth mesh: a spring whose stiffness alternates between floor(c) and floor(c) + 1 pairs of teeth."""
 
-    mean_stiffness: Stiffness | None = Field(
-        default=None, title="mean mesh stiffness", description="Mean stiffness k_g, kept (N/m); or give max_stiffness."
-    )
-    max_stiffness: Stiffness | None = Field(
-        default=None,
-        title="stiffer level of the mesh stiffness",
-        description="The stiffer level k_max, kept (N/m), so that k_g falls as k_a grows; or give mean_stiffness.",
-    )
+    mean_stiffness: Stiffness | None = Field(default=None, title="mean mesh stiffness")
+    """Mean stiffness k_g, kept (N/m); or give max_stiffness."""
+    max_stiffness: Stiffness | None = Field(default=None, title="stiffer level of the mesh stiffness")
+    """The stiffer level k_max, kept (N/m), so that k_g falls as k_a grows; or give mean_stiffness."""
     epsilon: Annotated[NonNegative, ShortName(rival="amplitude")] | None = Field(
-        default=None,
-        title="relative mesh stiffness variation",
-        description="epsilon = k_a/k_g, where 2 k_a is the peak-to-peak of the variation (1); or give amplitude.",
+        default=None, title="relative mesh stiffness variation"
     )
+    """epsilon = k_a/k_g, where 2 k_a is the peak-to-peak of the variation (1); or give amplitude."""
     amplitude: Annotated[float, Field(ge=0), Quantity("N/m"), ShortName(rival="epsilon")] | None = Field(
-        default=None,
-        title="mesh stiffness amplitude",
-        description="k_a, half the peak-to-peak of the variation (N/m); or give epsilon.",
+        default=None, title="mesh stiffness amplitude"
     )
-    contact_ratio: Annotated[ContactRatio, ShortName(hint="their waveforms have none")] | None = Field(
-        default=None,
-        title="contact ratio",
-        description="c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1).",
-    )
-    waveform: WaveformSection = Field(
-        default=WaveformSection(kind="rectangular"),
-        title="waveform",
-        description="The shape of the variation over a mesh period.",
-    )
-    damping: Annotated[float, Field(ge=0), Quantity("N s/m")] | None = Field(
-        default=None, title="mesh damping", description="Viscous damping along the line of action (N s/m)."
-    )
-    damping_follows_stiffness: Flag = Field(
-        default=False,
-        title="damping follows stiffness",
-        description="The mesh damping d varies as the mesh stiffness does, d k(t)/k_g, instead of being constant.",
-    )
-    transmission_error: TransmissionError | None = Field(
-        default=None,
-        title="transmission error",
-        description="Unloaded static transmission error e: the mesh is without force where its deflection is e (m).",
-    )
-    backlash: NonNegativeLength | None = Field(
-        default=None,
-        title="backlash",
-        description="2 b, the play between the flanks along the line of action (m), for respond; none without.",
-    )
+    """k_a, half the peak-to-peak of the variation (N/m); or give epsilon."""
+    contact_ratio: Annotated[ContactRatio, ShortName(hint="their waveforms have none")] | None = None
+    """c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1)."""
+    waveform: WaveformSection = WaveformSection(kind="rectangular")
+    """The shape of the variation over a mesh period."""
+    damping: Annotated[float, Field(ge=0), Quantity("N s/m")] | None = Field(default=None, title="mesh damping")
+    """Viscous damping along the line of action (N s/m)."""
+    damping_follows_stiffness: Flag = False
+    """The mesh damping d varies as the mesh stiffness does, d k(t)/k_g, instead of being constant."""
+    transmission_error: TransmissionError | None = None
+    """Unloaded static transmission error e: the mesh is without force where its deflection is e (m)."""
+    backlash: NonNegativeLength | None = None
+    """2 b, the play between the flanks along the line of action (m), for respond; none without."""
     backlash_zero: Annotated[str, Choice("zero of the deflection", ZEROS)] = Field(
-        default="middle",
-        title="zero of the deflection in the backlash",
-        description="middle of the backlash, or drive_side: where the flank that carries the load just touches.",
+        default="middle", title="zero of the deflection in the backlash"
     )
+    """middle of the backlash, or drive_side: where the flank that carries the load just touches."""
 
     def conflicts(self, from_teeth: bool = False) -> Iterator[Conflict]:
         """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does.
@@ -126,7 +105,7 @@ class ToothMesh(Section):
         yield from (at_most_one if from_teeth or has_own_mean(self) else exactly_one)(self, stiffness)
         varies = from_teeth or (wave is not None and wave.own_variation)
         yield from (at_most_one if varies else exactly_one)(self, variation)
-        description = type(self).model_fields["contact_ratio"].description or ""
+        description = descriptions(type(self))["contact_ratio"]
         yield from shape_conflicts(self, "" if from_teeth else description.rstrip("."))
         hint = "add damping, the mean of the damping that follows the stiffness"
         yield from known(following_conflicts(self, ("damping",), hint))
@@ -161,11 +140,8 @@ class SecondMesh(NamedToothMesh):
 
     misplaced: ClassVar[dict[str, str]] = {"lag": "give a phasing, which is a lead: phasing = -lag"}
 
-    phasing: Annotated[Turns, ShortName(but_first=True, hint=WHERE_PHASINGS)] = Field(
-        default=0.0,
-        title="mesh phasing",
-        description="h: this mesh leads the first one by h of its own period (1; Lin & Parker 2002).",
-    )
+    phasing: Annotated[Turns, ShortName(but_first=True, hint=WHERE_PHASINGS)] = Field(default=0.0, title="mesh phasing")
+    """h: this mesh leads the first one by h of its own period (1; Lin & Parker 2002)."""
 
 
 class MatrixMesh(NamedToothMesh):
@@ -173,46 +149,28 @@ class MatrixMesh(NamedToothMesh):
 
     misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}
 
-    mean_stiffness: MeshStiffness | None = Field(
-        default=None,
-        title="mean mesh stiffness",
-        description="Mean stiffness k_g, kept (N/m, or N m/rad of an angle); or give max_stiffness.",
-    )
-    max_stiffness: MeshStiffness | None = Field(
-        default=None,
-        title="stiffer level of the mesh stiffness",
-        description="The stiffer level k_max, kept (N/m, N m/rad), so that k_g falls with k_a; or give mean_stiffness.",
-    )
+    mean_stiffness: MeshStiffness | None = Field(default=None, title="mean mesh stiffness")
+    """Mean stiffness k_g, kept (N/m, or N m/rad of an angle); or give max_stiffness."""
+    max_stiffness: MeshStiffness | None = Field(default=None, title="stiffer level of the mesh stiffness")
+    """The stiffer level k_max, kept (N/m, N m/rad), so that k_g falls with k_a; or give mean_stiffness."""
     amplitude: Annotated[float, Field(ge=0), Quantity("N/m", ("N m",))] | None = Field(
-        default=None,
-        title="mesh stiffness amplitude",
-        description="k_a, half the peak-to-peak of the variation (N/m or N m/rad); or give epsilon.",
+        default=None, title="mesh stiffness amplitude"
     )
+    """k_a, half the peak-to-peak of the variation (N/m or N m/rad); or give epsilon."""
     damping: Annotated[float, Field(ge=0), Quantity("N s/m", ("N m s",))] | None = Field(
-        default=None, title="mesh damping", description="Viscous damping of the mesh deflection (N s/m or N m s/rad)."
+        default=None, title="mesh damping"
     )
-    backlash: Annotated[float, Field(ge=0), Quantity("m", ("rad",))] | None = Field(
-        default=None,
-        title="backlash",
-        description="2 b, the play of the mesh deflection (m, or rad of an angle), for respond; none without.",
-    )
-    direction: Direction = Field(
-        title="direction",
-        description="g, the mesh deflection is g . q: 1 for a translation, a base radius (m) for a rotation.",
-    )
-    exact: Flag = Field(
-        default=True,
-        title="exact frequency ratio",
-        description="false: frequency_ratio is a decimal that stands for an irrational number.",
-    )
-    frequency_ratio: AnyRatio = Field(
-        default=Fraction(1),
-        title="mesh frequency ratio",
-        description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
-    )
-    lag: Lag = Field(
-        default=0.0, title="mesh lag", description="The wave begins this fraction of its own period late (1)."
-    )
+    """Viscous damping of the mesh deflection (N s/m or N m s/rad)."""
+    backlash: Annotated[float, Field(ge=0), Quantity("m", ("rad",))] | None = None
+    """2 b, the play of the mesh deflection (m, or rad of an angle), for respond; none without."""
+    direction: Direction
+    """g, the mesh deflection is g . q: 1 for a translation, a base radius (m) for a rotation."""
+    exact: Flag = Field(default=True, title="exact frequency ratio")
+    """false: frequency_ratio is a decimal that stands for an irrational number."""
+    frequency_ratio: AnyRatio = Field(default=Fraction(1), title="mesh frequency ratio")
+    """Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2"; see exact."""
+    lag: Lag = Field(default=0.0, title="mesh lag")
+    """The wave begins this fraction of its own period late (1)."""
 
 
 def may_have(name: str, short: ShortName, place: str | int, mesh: ToothMesh) -> bool:

@@ -33,74 +33,48 @@ class Initial(Section):
     """The state at time zero."""
 
     displacement: list[Annotated[float, Quantity("m", ("rad",), entry=True)]] = Field(
-        default=[],
-        title="initial displacement",
-        description="One number per coordinate (m, or rad of a rotation); zeros without.",
+        default=[], title="initial displacement"
     )
+    """One number per coordinate (m, or rad of a rotation); zeros without."""
     velocity: list[Annotated[float, Quantity("m/s", ("rad/s",), entry=True)]] = Field(
-        default=[],
-        title="initial velocity",
-        description="One number per coordinate (m/s, or rad/s of a rotation); zeros without.",
+        default=[], title="initial velocity"
     )
+    """One number per coordinate (m/s, or rad/s of a rotation); zeros without."""
 
 
 class Ramp(Section):
     """A run-up or coast-down, from the speed of the section on."""
 
-    to: AngularFrequency = Field(
-        title="last speed", description="Mesh frequency, or input speed where that is given, at the end (rad/s)."
-    )
-    rate: Annotated[float, Field(gt=0), Quantity("rad/s^2")] = Field(
-        title="rate", description='How fast it changes, upwards or downwards (rad/s^2, "300 rpm/s").'
-    )
+    to: AngularFrequency = Field(title="last speed")
+    """Mesh frequency, or input speed where that is given, at the end (rad/s)."""
+    rate: Annotated[float, Field(gt=0), Quantity("rad/s^2")]
+    """How fast it changes, upwards or downwards (rad/s^2, "300 rpm/s")."""
 
 
 class Respond(Section):
     """The response of a linear system, for ``gearstab respond``: from an initial state, periodic, or of a run-up."""
 
-    mesh_frequency: AngularFrequency = Field(
-        default=cast(float, None),  # of a sound section it is given, or takes the place of input_speed
-        title="mesh frequency",
-        description="Of the first mesh (rad/s); or give input_speed.",
-    )
-    input_speed: AngularFrequency | None = Field(
-        default=None,
-        title="input speed",
-        description='Of the input of a system whose teeth are known (rad/s, "1500 rpm"); or give mesh_frequency.',
-    )
-    initial: Initial | None = Field(
-        default=None,
-        title="initial state",
-        description="Displacement and velocity; a driven system begins in static equilibrium without.",
-    )
-    steady_state: Flag = Field(
-        default=False,
-        title="steady state",
-        description="The periodic response of a driven system, over one period common to all that varies and drives.",
-    )
-    ramp: Ramp | None = Field(
-        default=None,
-        title="ramp",
-        description="Instead of a constant speed: a run-up or coast-down to another one, at a rate.",
-    )
-    duration: Time | None = Field(default=None, title="duration", description="How long (s); or give cycles.")
-    cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
-        default=None, title="cycles", description="How long, in periods of the first mesh (1); or give duration."
-    )
-    stored_cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
-        default=None,
-        title="stored cycles",
-        description="Of a steady state: how much of the histories is stored, in periods of the first mesh (1); the "
-        "whole common period without.",
-    )
-    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole] = Field(
-        default=200, title="samples per cycle", description="Stored samples in a period of the first mesh."
-    )
-    discard: NonNegative | None = Field(
-        default=None,
-        title="cycles left out",
-        description="With backlash: how long, in periods of the first mesh, the motion settles before it is summed up.",
-    )
+    mesh_frequency: AngularFrequency = cast(float, None)
+    """Of the first mesh (rad/s); or give input_speed."""
+    input_speed: AngularFrequency | None = None
+    """Of the input of a system whose teeth are known (rad/s, "1500 rpm"); or give mesh_frequency."""
+    initial: Initial | None = Field(default=None, title="initial state")
+    """Displacement and velocity; a driven system begins in static equilibrium without."""
+    steady_state: Flag = False
+    """The periodic response of a driven system, over one period common to all that varies and drives."""
+    ramp: Ramp | None = None
+    """Instead of a constant speed: a run-up or coast-down to another one, at a rate."""
+    duration: Time | None = None
+    """How long (s); or give cycles."""
+    cycles: Annotated[float, Field(gt=0), Quantity()] | None = None
+    """How long, in periods of the first mesh (1); or give duration."""
+    stored_cycles: Annotated[float, Field(gt=0), Quantity()] | None = None
+    """Of a steady state: how much of the histories is stored, in periods of the first mesh (1); the whole common period
+    without."""
+    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole] = 200
+    """Stored samples in a period of the first mesh."""
+    discard: NonNegative | None = Field(default=None, title="cycles left out")
+    """With backlash: how long, in periods of the first mesh, the motion settles before it is summed up."""
 
     _axis: SpeedAxis = PrivateAttr(default=SpeedAxis())
     frequency_key: ClassVar[str] = "mesh_frequency"

@@ -30,31 +30,23 @@ class PairInitial(Section):
 
     misplaced: ClassVar[dict[str, str]] = {"theta_dot": "give respond.speed, of the driving gear"}
 
-    phi: Annotated[float, Quantity("rad")] | None = Field(
-        default=None,
-        title="initial deflection",
-        description="phi = (N1 theta1 - N2 theta2)/2 (rad); the static deflection T0/k without.",
-    )
-    phi_dot: Annotated[float, Quantity("rad/s")] = Field(
-        default=0.0, title="initial rate of deflection", description="d phi/dt (rad/s)."
-    )
-    theta: Annotated[float, Quantity("rad")] = Field(
-        default=0.0, title="initial rotation", description="theta = (N1 theta1 + N2 theta2)/2, 2 pi a mesh cycle (rad)."
-    )
+    phi: Annotated[float, Quantity("rad")] | None = Field(default=None, title="initial deflection")
+    """phi = (N1 theta1 - N2 theta2)/2 (rad); the static deflection T0/k without."""
+    phi_dot: Annotated[float, Quantity("rad/s")] = Field(default=0.0, title="initial rate of deflection")
+    """d phi/dt (rad/s)."""
+    theta: Annotated[float, Quantity("rad")] = Field(default=0.0, title="initial rotation")
+    """theta = (N1 theta1 + N2 theta2)/2, 2 pi a mesh cycle (rad)."""
 
 
 class PairSpectrum(Section):
     """How the power spectral density of phi is made."""
 
-    discard: NonNegative = Field(
-        default=0.0, title="discarded cycles", description="Mesh cycles at the initial speed left out at the beginning."
-    )
-    window: Annotated[str, Choice("window", ("hann", "boxcar"))] = Field(
-        default="hann", title="window", description="hann, or boxcar for a response that repeats itself exactly."
-    )
-    peaks: Annotated[int, Field(ge=1, le=1000), Whole] = Field(
-        default=20, title="number of peaks", description="How many of the largest peaks are listed."
-    )
+    discard: NonNegative = Field(default=0.0, title="discarded cycles")
+    """Mesh cycles at the initial speed left out at the beginning."""
+    window: Annotated[str, Choice("window", ("hann", "boxcar"))] = "hann"
+    """hann, or boxcar for a response that repeats itself exactly."""
+    peaks: Annotated[int, Field(ge=1, le=1000), Whole] = Field(default=20, title="number of peaks")
+    """How many of the largest peaks are listed."""
 
 
 class PairRespond(Section):
@@ -64,32 +56,22 @@ class PairRespond(Section):
         "mesh_frequency": "give speed, of the driving gear: its mesh frequency is N1 times that"
     }
 
-    speed: AngularFrequency = Field(
-        title="initial speed", description='Of the driving gear (rad/s, or "600 rpm"); theta\' = N1 times that.'
-    )
-    cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
-        default=None, title="cycles", description="How long, in mesh cycles, 2 pi of theta each; or give duration."
-    )
-    duration: Time | None = Field(default=None, title="duration", description="How long (s); or give cycles.")
-    until: Annotated[str, Choice("end", ("stalled",))] | None = Field(
-        default=None, title="until", description="stalled: until the gears are trapped with one pair in contact."
-    )
-    initial: PairInitial = Field(
-        default=PairInitial(), title="initial state", description="phi, phi_dot and theta; default static deflection."
-    )
-    hold_speed: Flag = Field(
-        default=False,
-        title="speed held",
-        description="Begin on the periodic orbit of the mean speed given, which an unbalanced torque then holds.",
-    )
-    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole] = Field(
-        default=200, title="samples per cycle", description="Stored samples in a mesh cycle at the initial speed."
-    )
-    spectrum: PairSpectrum = Field(
-        default=PairSpectrum(),
-        title="spectrum",
-        description="discard, window and peaks of the power spectral density of phi.",
-    )
+    speed: AngularFrequency = Field(title="initial speed")
+    """Of the driving gear (rad/s, or "600 rpm"); theta' = N1 times that."""
+    cycles: Annotated[float, Field(gt=0), Quantity()] | None = None
+    """How long, in mesh cycles, 2 pi of theta each; or give duration."""
+    duration: Time | None = None
+    """How long (s); or give cycles."""
+    until: Annotated[str, Choice("end", ("stalled",))] | None = None
+    """stalled: until the gears are trapped with one pair in contact."""
+    initial: PairInitial = Field(default=PairInitial(), title="initial state")
+    """phi, phi_dot and theta; default static deflection."""
+    hold_speed: Flag = Field(default=False, title="speed held")
+    """Begin on the periodic orbit of the mean speed given, which an unbalanced torque then holds."""
+    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole] = 200
+    """Stored samples in a mesh cycle at the initial speed."""
+    spectrum: PairSpectrum = PairSpectrum()
+    """discard, window and peaks of the power spectral density of phi."""
 
     frequency_key: ClassVar[str] = "speed"
 

@@ -29,27 +29,16 @@ Drag = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 class RotationSection(Section):
     """A speed of rotation W, and matrices that act with it: W G q' + (W H + W^2 K) q."""
 
-    speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(
-        default=None,
-        title="speed ratio of a rotation",
-        description='W/Omega, exact: "1/25", or -1 for the other sense; or give speed.',
-    )
-    speed: Annotated[float, Quantity("rad/s")] | None = Field(
-        default=None,
-        title="speed of a rotation",
-        description='W, held whatever the mesh frequency (rad/s, "1500 rpm"); or give speed_ratio.',
-    )
-    gyroscopic: list[list[Inertia]] | None = Field(
-        default=None, title="gyroscopic matrix", description="G in W G q', skew (kg, or kg m^2 of rotations)."
-    )
-    centripetal: list[list[Inertia]] | None = Field(
-        default=None,
-        title="centripetal matrix",
-        description="K in W^2 K q, symmetric and added, so negative where rotation softens (kg, or kg m^2).",
-    )
-    circulatory: list[list[Drag]] | None = Field(
-        default=None, title="circulatory matrix", description="H in W H q, of rotating damping (N s/m, or N m s)."
-    )
+    speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(default=None, title="speed ratio of a rotation")
+    """W/Omega, exact: "1/25", or -1 for the other sense; or give speed."""
+    speed: Annotated[float, Quantity("rad/s")] | None = Field(default=None, title="speed of a rotation")
+    """W, held whatever the mesh frequency (rad/s, "1500 rpm"); or give speed_ratio."""
+    gyroscopic: list[list[Inertia]] | None = Field(default=None, title="gyroscopic matrix")
+    """G in W G q', skew (kg, or kg m^2 of rotations)."""
+    centripetal: list[list[Inertia]] | None = Field(default=None, title="centripetal matrix")
+    """K in W^2 K q, symmetric and added, so negative where rotation softens (kg, or kg m^2)."""
+    circulatory: list[list[Drag]] | None = Field(default=None, title="circulatory matrix")
+    """H in W H q, of rotating damping (N s/m, or N m s)."""
 
     def conflicts(self, size: int | None, of_file: bool) -> Iterator[Conflict]:
         """One speed, and matrices of the size of the system; of_file: whether a file may hold the matrices."""

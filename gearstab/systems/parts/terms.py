@@ -35,12 +35,10 @@ OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 class VaryingNumber(Section):
     """A number that may vary periodically, mean + 2 amplitude w(x)."""
 
-    contact_ratio: ContactRatio | None = Field(
-        default=None, title="contact ratio of a term", description="c >= 1, of a waveform that has one (1)."
-    )
-    waveform: WaveformSection | None = Field(
-        default=None, title="waveform of a term", description="w, rectangular without, where there is an amplitude."
-    )
+    contact_ratio: ContactRatio | None = Field(default=None, title="contact ratio of a term")
+    """c >= 1, of a waveform that has one (1)."""
+    waveform: WaveformSection | None = Field(default=None, title="waveform of a term")
+    """w, rectangular without, where there is an amplitude."""
 
     def conflicts(self) -> Iterator[Conflict]:
         """A mean or an amplitude, and a waveform that is complete where anything varies."""
@@ -66,27 +64,19 @@ class VaryingNumber(Section):
 class StiffnessPart(VaryingNumber):
     """The stiffness of a term."""
 
-    mean: OfStiffness | None = Field(
-        default=None, title="mean stiffness of a term", description="Its mean (N/m); 0 or that of the samples without."
-    )
-    amplitude: OfStiffness | None = Field(
-        default=None,
-        title="stiffness amplitude of a term",
-        description="Half the peak-to-peak of its variation (N/m); constant, or that of the samples, without.",
-    )
+    mean: OfStiffness | None = Field(default=None, title="mean stiffness of a term")
+    """Its mean (N/m); 0 or that of the samples without."""
+    amplitude: OfStiffness | None = Field(default=None, title="stiffness amplitude of a term")
+    """Half the peak-to-peak of its variation (N/m); constant, or that of the samples, without."""
 
 
 class DampingPart(VaryingNumber):
     """The damping of a term."""
 
-    mean: OfDamping | None = Field(
-        default=None, title="mean damping of a term", description="Its mean (N s/m); 0 or that of the samples without."
-    )
-    amplitude: OfDamping | None = Field(
-        default=None,
-        title="damping amplitude of a term",
-        description="Half the peak-to-peak of its variation (N s/m); constant, or that of the samples, without.",
-    )
+    mean: OfDamping | None = Field(default=None, title="mean damping of a term")
+    """Its mean (N s/m); 0 or that of the samples without."""
+    amplitude: OfDamping | None = Field(default=None, title="damping amplitude of a term")
+    """Half the peak-to-peak of its variation (N s/m); constant, or that of the samples, without."""
 
 
 PARTS = {"stiffness": StiffnessPart, "damping": DampingPart}
@@ -95,30 +85,22 @@ PARTS = {"stiffness": StiffnessPart, "damping": DampingPart}
 class Term(Section):
     """a(x) u v^T in the stiffness matrix and c(x) u v^T in the damping matrix."""
 
-    name: NameText | None = Field(
-        default=None, title="name of the term", description="What paths and messages call it."
-    )
-    left: Vector = Field(title="left vector", description="u, along which the term acts (1).")
-    right: Vector = Field(title="right vector", description="v: the term acts on v . q and v . q' (1).")
-    stiffness: StiffnessPart | None = Field(
-        default=None, title="stiffness of a term", description="a(x): mean, amplitude, waveform."
-    )
-    damping: DampingPart | None = Field(
-        default=None, title="damping of a term", description="c(x): mean, amplitude, waveform."
-    )
-    exact: Flag = Field(
-        default=True,
-        title="exact frequency ratio of a term",
-        description="false: frequency_ratio is a decimal that stands for an irrational number.",
-    )
-    frequency_ratio: AnyRatio = Field(
-        default=Fraction(1),
-        title="frequency ratio of a term",
-        description='Its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
-    )
-    lag: Turns = Field(
-        default=0.0, title="lag of a term", description="It begins this fraction of its own period late (1)."
-    )
+    name: NameText | None = Field(default=None, title="name of the term")
+    """What paths and messages call it."""
+    left: Vector = Field(title="left vector")
+    """u, along which the term acts (1)."""
+    right: Vector = Field(title="right vector")
+    """v: the term acts on v . q and v . q' (1)."""
+    stiffness: StiffnessPart | None = Field(default=None, title="stiffness of a term")
+    """a(x): mean, amplitude, waveform."""
+    damping: DampingPart | None = Field(default=None, title="damping of a term")
+    """c(x): mean, amplitude, waveform."""
+    exact: Flag = Field(default=True, title="exact frequency ratio of a term")
+    """false: frequency_ratio is a decimal that stands for an irrational number."""
+    frequency_ratio: AnyRatio = Field(default=Fraction(1), title="frequency ratio of a term")
+    """Its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2"; see exact."""
+    lag: Turns = Field(default=0.0, title="lag of a term")
+    """It begins this fraction of its own period late (1)."""
 
     def conflicts(self, size: int | None) -> Iterator[Conflict]:
         """A stiffness or a damping, and vectors of the size of the system that are not zero."""

@@ -26,16 +26,13 @@ class CarrierSpeed(Section):
     """W_c, counter-clockwise positive as planets are numbered: a part of the mesh frequency, or held."""
 
     speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(
-        default=None, title="speed ratio of the carrier", description='W_c/Omega, exact: "1/99"; or in short.'
+        default=None, title="speed ratio of the carrier"
     )
-    speed: Annotated[float, Quantity("rad/s")] | None = Field(
-        default=None,
-        title="speed of the carrier",
-        description='W_c, held whatever the mesh frequency (rad/s, "30 rpm").',
-    )
-    from_teeth: Flag = Field(
-        default=False, title="speed from the teeth", description="W_c/Omega of teeth, input and fixed; or in short."
-    )
+    """W_c/Omega, exact: "1/99"; or in short."""
+    speed: Annotated[float, Quantity("rad/s")] | None = Field(default=None, title="speed of the carrier")
+    """W_c, held whatever the mesh frequency (rad/s, "30 rpm")."""
+    from_teeth: Flag = Field(default=False, title="speed from the teeth")
+    """W_c/Omega of teeth, input and fixed; or in short."""
 
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any]) -> None:

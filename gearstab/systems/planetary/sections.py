@@ -73,81 +73,55 @@ class Planetary(System):
         },
     )  # fmt: skip
 
-    kind: Literal["planetary"] = Field(title="kind of system", description="A planetary gear.")
-    planets: Annotated[Fraction, Count(of="planets"), Field(le=MOST_PLANETS)] = Field(
-        title="number of planets", description="N >= 3, equally spaced without angles."
-    )
+    kind: Literal["planetary"] = Field(title="kind of system")
+    """A planetary gear."""
+    planets: Annotated[Fraction, Count(of="planets"), Field(le=MOST_PLANETS)] = Field(title="number of planets")
+    """N >= 3, equally spaced without angles."""
     angles: list[Annotated[float, Quantity("rad")]] | None = Field(
-        default=None,
-        title="angle of a planet",
-        description="psi_n (rad, or with a unit), or assemble: the nearest to equal ones at which the teeth fit.",
-        json_schema_extra=also({"const": ASSEMBLE}),
+        default=None, title="angle of a planet", json_schema_extra=also({"const": ASSEMBLE})
     )
-    motion: Annotated[str, Choice("motion", ("planar", "rotational"))] = Field(
-        default="planar",
-        title="motion",
-        description="planar, or rotational: bodies only rotate and the planets' centres move with the carrier.",
-    )
-    scaling: Annotated[str, Choice("scaling", ("SI", "dimensionless"))] = Field(
-        default="SI",
-        title="scaling",
-        description="dimensionless: masses over m_r, stiffnesses over k_rp and frequencies over sqrt(k_rp/m_r).",
-    )
-    ring: Ring = Field(title="ring", description="How the ring deforms.")
-    masses: Masses = Field(default=Masses(), title="masses", description="Mass of each body.")
-    inertias: Inertias = Field(
-        default=Inertias(), title="inertias", description="Moments of inertia over squared base radii."
-    )
-    supports: Supports = Field(
-        default=Supports(), title="supports", description="Stiffness of the supports and planet bearings."
-    )
-    pressure_angles: PressureAngles = Field(
-        default=PressureAngles(), title="pressure angles", description="Of both kinds of meshes."
-    )
-    meshes: Meshes = Field(title="meshes", description="The meshes of the sun and of the ring.")
-    load: BodyLoad | None = Field(
-        default=None, title="load", description="Constant torques on ring, carrier and sun, over their radii (N)."
-    )
-    phases: Phases | None = Field(
-        default=None, title="mesh phases", description="When the waves of the meshes begin; or give teeth."
-    )
-    teeth: ToothNumbers | None = Field(
-        default=None, title="tooth numbers", description="From which the mesh phases follow; or give phases."
-    )
+    """psi_n (rad, or with a unit), or assemble: the nearest to equal ones at which the teeth fit."""
+    motion: Annotated[str, Choice("motion", ("planar", "rotational"))] = "planar"
+    """planar, or rotational: bodies only rotate and the planets' centres move with the carrier."""
+    scaling: Annotated[str, Choice("scaling", ("SI", "dimensionless"))] = "SI"
+    """dimensionless: masses over m_r, stiffnesses over k_rp and frequencies over sqrt(k_rp/m_r)."""
+    ring: Ring
+    """How the ring deforms."""
+    masses: Masses = Masses()
+    """Mass of each body."""
+    inertias: Inertias = Inertias()
+    """Moments of inertia over squared base radii."""
+    supports: Supports = Supports()
+    """Stiffness of the supports and planet bearings."""
+    pressure_angles: PressureAngles = PressureAngles()
+    """Of both kinds of meshes."""
+    meshes: Meshes
+    """The meshes of the sun and of the ring."""
+    load: BodyLoad | None = None
+    """Constant torques on ring, carrier and sun, over their radii (N)."""
+    phases: Phases | None = Field(default=None, title="mesh phases")
+    """When the waves of the meshes begin; or give teeth."""
+    teeth: ToothNumbers | None = Field(default=None, title="tooth numbers")
+    """From which the mesh phases follow; or give phases."""
 
-    input: Annotated[str, Choice("input", BODIES)] = Field(
-        default="sun", title="input", description="The body whose speed input_speed is, where teeth are given."
-    )
-    fixed: Annotated[str, Choice("fixed body", BODIES)] = Field(
-        default="ring",
-        title="fixed body",
-        description="The body that does not turn: it tells how fast the teeth mesh at an input_speed.",
-    )
+    input: Annotated[str, Choice("input", BODIES)] = "sun"
+    """The body whose speed input_speed is, where teeth are given."""
+    fixed: Annotated[str, Choice("fixed body", BODIES)] = Field(default="ring", title="fixed body")
+    """The body that does not turn: it tells how fast the teeth mesh at an input_speed."""
 
-    sense: Annotated[str, Choice("sense", SENSES)] = Field(
-        default="counter-clockwise",
-        title="sense of rotation",
-        description="Of the input, seen along z, where teeth are given; planets are numbered counter-clockwise.",
-    )
+    sense: Annotated[str, Choice("sense", SENSES)] = Field(default="counter-clockwise", title="sense of rotation")
+    """Of the input, seen along z, where teeth are given; planets are numbered counter-clockwise."""
 
     carrier_speed: CarrierSpeed | None = Field(
-        default=None,
-        title="speed of the carrier",
-        description="Of the frame of the coordinates; bodies are at rest without. Damping turns with it.",
-        json_schema_extra=also({"type": ["number", "string"]}),
+        default=None, title="speed of the carrier", json_schema_extra=also({"type": ["number", "string"]})
     )
-    pin_preload: Flag = Field(
-        default=True,
-        title="preload of the pins",
-        description="Whether planet bearings carry the planets' centrifugal forces, without which no rotation is free.",
-    )
+    """Of the frame of the coordinates; bodies are at rest without. Damping turns with it."""
+    pin_preload: Flag = Field(default=True, title="preload of the pins")
+    """Whether planet bearings carry the planets' centrifugal forces, without which no rotation is free."""
 
-    gears: Teeth | None = Field(
-        default=None,
-        title="gears",
-        description="With teeth: module, pressure_angle and face_width, from which masses, inertias, pressure angles "
-        "and stiffness of the meshes follow where they are not given.",
-    )
+    gears: Teeth | None = None
+    """With teeth: module, pressure_angle and face_width, from which masses, inertias, pressure angles and stiffness of
+    the meshes follow where they are not given."""
 
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
