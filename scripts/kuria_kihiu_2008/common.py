@@ -68,8 +68,8 @@ LONG_TEETH = {
 
 @cache
 def base() -> Mapping[str, Any]:
-    """The parameters of configs/kuria_kihiu_2008/gearbox.yaml."""
-    return load(CONFIGS / "kuria_kihiu_2008" / "gearbox.yaml").system
+    """The section system of configs/kuria_kihiu_2008/gearbox.yaml as plain data."""
+    return load(CONFIGS / "kuria_kihiu_2008" / "gearbox.yaml").tree["system"]
 
 
 def parameters(design: Design) -> dict[str, Any]:
