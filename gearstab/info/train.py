@@ -42,7 +42,7 @@ def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
     from gearstab.systems.gearbox.build import torques
 
     loaded = system.load is not None
-    forces = np.abs(static_mesh_force(system)) if loaded else np.full(len(system.meshes), np.nan)
+    forces = np.abs(static_mesh_force(system)) if loaded else np.full(len(system.whole_meshes), np.nan)
     speed = (config.parameters.get("input") or {}).get("speed")
     applied = {rotor: float(value) for rotor, value in torques(train).items()}
     return {

@@ -18,6 +18,7 @@ from gearstab.config.model.fields import (
     Section,
     Stiffness,
 )
+from gearstab.systems.parts.faults import Fault
 from gearstab.systems.parts.forcing import TransmissionError
 from gearstab.systems.parts.mesh import Lag, NamedToothMesh, following_conflicts
 from gearstab.waveforms import WAVEFORMS
@@ -110,6 +111,7 @@ class GearboxMesh(NamedToothMesh):
         default=None, title="measured variation", description="(max k - min k)/mean k of the mesh stiffness (1)."
     )
     friction: Friction | None = Field(default=None, title="friction", description="Between the teeth; none without.")
+    faults: list[Fault] = Field(default=[], title="faults", description="Weak teeth of either gear.")
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
