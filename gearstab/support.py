@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
+from gearstab.errors import NotPossible
 from gearstab.system import Feature, GearSystem
 
 ANY_LINEAR = frozenset({Feature.PERIODIC_TERMS, Feature.IRRATIONAL_RATIO})
 """The features of linear systems."""
+ONLY_MESHES = frozenset({Feature.IRRATIONAL_RATIO, Feature.FOLLOWS_ROTATION})
+"""The features of systems with symmetric damping of which only the mesh stiffness varies, with time or, where it
+follows the rotation, as in the classical formulation."""
 
 _MESSAGES = {
     Feature.PERIODIC_TERMS: "supports only periodic mesh stiffness, and this system also has {terms}",
@@ -37,3 +41,9 @@ def unsupported(
             message = _MESSAGES[feature].format(terms=", ".join(term.name for term in system.terms))
             return message, {**_REMEDIES, **(remedies or {})}[feature]
     return None
+
+
+def require(system: GearSystem, supports: Collection[Feature], theory: str) -> None:
+    """Raise NotPossible where a theory, given by its name, does not apply to a system."""
+    if found := unsupported(system, supports):
+        raise NotPossible(f"{theory} {found[0]}", found[1])

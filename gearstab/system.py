@@ -317,11 +317,6 @@ class GearSystem:
         return frozenset(feature for feature, has in present.items() if has)
 
     @property
-    def general(self) -> bool:
-        """Whether more than the stiffness of meshes varies, or C is not symmetric: only first-order theory applies."""
-        return bool(self.features & {Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION})
-
-    @property
     def forced(self) -> bool:
         """Whether anything drives it: a load, forces or transmission errors."""
         errors = any(mesh.transmission_error is not None for mesh in self.meshes)
@@ -410,6 +405,10 @@ class GearSystem:
         meshes = [mesh if mesh.frequency_ratio == ratio else mesh.averaged() for mesh in self.meshes]
         terms = [term if term.frequency_ratio == ratio else term.averaged() for term in self.terms]
         return replace(self, meshes=tuple(meshes), terms=tuple(terms))
+
+    def only_meshes(self) -> GearSystem:
+        """Return the system without damping and without anything else that acts besides K0 and the meshes."""
+        return replace(self, damping=None, terms=(), rotations=())
 
     def undriven(self) -> GearSystem:
         """Return the system with nothing that drives it."""

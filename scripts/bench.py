@@ -17,7 +17,7 @@ from rich.table import Table
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from gearstab.config import load, parameters_at
+from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.modal import eigenmodes
 from gearstab.system import Array, GearSystem
@@ -114,8 +114,8 @@ def main() -> None:
     config = load(CONFIG, ["sweep.mesh_frequency.num=1000", "sweep.epsilon={start: 0.002, stop: 0.4, num: 200}"])
     omega = np.asarray(next(axis.values for axis in config.axes if axis.name == "mesh_frequency"), dtype=float)
     rows = np.arange(200)
-    system = build(parameters_at(config, {"epsilon": rows}))
-    single = [build(parameters_at(config, {"epsilon": np.array(k)})) for k in rows]
+    system = build(config.at({"epsilon": rows}))
+    single = [build(config.at({"epsilon": np.array(k)})) for k in rows]
 
     def loop(method: Callable[[GearSystem, Array], Array], step: int, every: int) -> Callable[[], Array]:
         return lambda: np.stack([method(s, omega[::every]) for s in single[::step]])

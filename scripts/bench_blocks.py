@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from gearstab.config import load, parameters_at
+from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.floquet.report import reduction
 from gearstab.systems import build
@@ -28,14 +28,14 @@ def main(every: int = EVERY) -> None:
     config = load(CONFIG, list(CHANGES))
     omega = np.asarray(next(axis.values for axis in config.axes if axis.name == "mesh_frequency"), dtype=float)
     rows = np.arange(next(axis.size for axis in config.axes if axis.name == "epsilon"))
-    chosen = build(parameters_at(config, {"epsilon": rows[::every]}))
+    chosen = build(config.at({"epsilon": rows[::every]}))
     start = perf_counter()
-    blocks = solve(build(parameters_at(config, {"epsilon": rows})), omega)
+    blocks = solve(build(config.at({"epsilon": rows})), omega)
     middle = perf_counter()
     whole = solve(chosen, omega[::every], reduction=False)
     seconds = middle - start, perf_counter() - middle
     differ = int(np.sum(blocks.stable[::every, ::every] != whole.stable))
-    found = reduction(build(config.parameters))
+    found = reduction(build(config.system))
     rates = [result.stable.size / t for result, t in zip((blocks, whole), seconds, strict=True)]
 
     title = f"Five planets, elastic ring of 12 waves, {len(omega)} x {len(rows)} points"

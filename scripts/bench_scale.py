@@ -22,7 +22,7 @@ from distributed import LocalCluster
 from rich.console import Console
 from rich.table import Table
 
-from gearstab.config import load, parameters_at
+from gearstab.config import load
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import prepare
@@ -69,7 +69,7 @@ def kernel_rate() -> tuple[float, float]:
     index = np.unravel_index(np.arange(1000), [axis.size for axis in axes])
     rows = {axis.name: np.asarray(part) for axis, part in zip(axes, index, strict=True)}
     omega = np.linspace(0.35, 7.0, 1000)
-    patterns = [block.pattern for whole in prepare(build(parameters_at(config, rows))) for block in split(whole)]
+    patterns = [block.pattern for whole in prepare(build(config.at(rows))) for block in split(whole)]
     own = [omega / pattern.elastic.rate[:, None] for pattern in patterns]
     into = empty(len(index[0]), len(omega))
 

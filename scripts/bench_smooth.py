@@ -95,7 +95,7 @@ def main() -> None:
     for name, path in SCENES.items():
         config = load(path)
         axis = np.asarray(next(axis.values for axis in config.axes if axis.name == "mesh_frequency"), dtype=float)
-        scene = Scene(build(config.parameters), float(axis.min()), float(axis.max()))
+        scene = Scene(build(config.system), float(axis.min()), float(axis.max()))
         middle = float(scene.system.meshes[0].epsilon)
         checked = scene.frequencies(CHECKED)
         truth = np.array([reference.growth(scene, omega) for omega in checked])

@@ -61,13 +61,11 @@ def build(source: Source, overrides: Mapping[str, Any] | None = None, **values: 
 
     Raises ConfigError, and ValueError for arrays whose shapes do not go together.
     """
-    from gearstab import systems
-
     config = as_config(source)
     given = {**(overrides or {}), **values}
     if "mesh_frequency" in given:
         raise NotPossible("mesh_frequency is no number of a system", "give it to the function that analyses the system")
-    return systems.build(configuration.parameters_with(config, given) if given else config.parameters)
+    return (configuration.system_with(config, given) if given else config.system).build()
 
 
 def as_system(source: GearSystem | Source) -> GearSystem:

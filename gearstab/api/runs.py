@@ -120,6 +120,7 @@ def plot(
     size: str | None = None,
     title: bool = True,
     dpi: int | None = None,
+    style: str = "",
 ) -> Figure:
     """Draw a figure from a result alone.
 
@@ -130,7 +131,7 @@ def plot(
     ax: the frame to draw into, for kinds of one frame; it gets no title. Default: a new figure.
     x, y: axes along the sides. select: axis -> value (the nearest one is taken) or label, to fix further axes.
     variable: the variable of a map or curve. size: "single" or "double" column. title: whether to write it over the
-        figure. dpi: resolution.
+        figure. dpi: resolution. style: one of matplotlib's, a style sheet, or "latex".
 
     Returns the figure, which ``savefig`` writes. Raises PlotError for what the result cannot give, ResultError for a
     file that is no result.
@@ -140,7 +141,7 @@ def plot(
     from gearstab.results.read import reading
 
     chosen = {name: str(value) for name, value in (select or {}).items()}
-    request = Request(x, y, chosen, variable, size, title, dpi, ax=ax)
+    request = Request(x, y, chosen, variable, size, title, dpi, ax=ax, style=style)
     if isinstance(result, str | Path):
         with reading(result) as tree:
             return draw(tree, kind, request)[0]

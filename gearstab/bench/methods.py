@@ -14,6 +14,7 @@ from scipy.linalg import expm
 
 from gearstab.bench import smooth_methods as smooth
 from gearstab.bench.scene import Scene
+from gearstab.floquet.dispatch import in_modes
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.system import Array
 
@@ -72,7 +73,7 @@ def _smooth(scene: Scene) -> bool:
 
 
 def _of_second_order(scene: Scene) -> bool:
-    return not scene.exact and not scene.system.general
+    return not scene.exact and in_modes(scene.system)
 
 
 INTEGRATOR_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
@@ -96,7 +97,7 @@ METHODS: tuple[Entry, ...] = (
         smooth.product,
         INTEGRATOR_TOLERANCES,
         batch=True,
-        fits=lambda scene: scene.system.general,
+        fits=lambda scene: not in_modes(scene.system),
     ),
     Entry("Chebyshev collocation", smooth.collocation, INTEGRATOR_TOLERANCES, fits=_smooth),
     Entry("Hill's method", smooth.hill, INTEGRATOR_TOLERANCES[:4], fits=_of_second_order),

@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from gearstab.floquet.dispatch import in_modes
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
 from gearstab.waveforms import Profile
@@ -127,7 +128,7 @@ class Scene:
         system = self.system
         ratio = np.linalg.solve(system.mass, system.damping_matrix)
         uniform = ratio[0, 0] * np.eye(system.size)
-        return not system.general and bool(np.allclose(ratio, uniform, rtol=0, atol=1e-14 * np.abs(ratio).max()))
+        return in_modes(system) and bool(np.allclose(ratio, uniform, rtol=0, atol=1e-14 * np.abs(ratio).max()))
 
     def frequencies(self, count: int) -> Array:
         """``count`` mesh frequencies spread over the range, none of them a round number."""

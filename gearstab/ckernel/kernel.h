@@ -32,10 +32,14 @@ struct conservative {
     const double *change;    /* (r, S, n, n), V_{s+1}^T V_s */
 };
 
-/* A damped pattern in real modal coordinates of dimension m, see damped.h. */
+/* A damped pattern of dimension m, see damped.h: in the real modal coordinates of its states, or, with generators that go with
+   the mesh frequency, in its own; then decay and frequency only say how fast solutions vary, and nothing changes. */
 struct damped {
-    int64_t rows, segments, states, changes, m;
+    int64_t rows, segments, states, changes, m, terms;
     double cycles;
+    const double *generator; /* (r, D, m, m) or NULL: A of x' = (A + sum_k f_k B_k) x, f_k = W^p/(1 - a W^2), W = ratio omega */
+    const double *by_speed;  /* (r, terms, m, m), B_k */
+    const double *law;       /* (r, terms, 3): ratio, p = 1 or 2, a */
     const double *decay;     /* (r, D, m), real parts of the eigenvalues */
     const double *frequency; /* (r, D, m), imaginary parts: of a pair, positive at its first member; 0 for real ones,
                                 which come first */
@@ -43,6 +47,7 @@ struct damped {
     const int64_t *state;    /* (S,) */
     const int64_t *follows;  /* (S,), which change follows each segment */
     const double *change;    /* (r, changes, m, m), from the coordinates of a segment to those of the next */
+    const struct limits *limits; /* of verdicts where multipliers are inverse in pairs, as those of gyroscopic systems, else NULL */
 };
 
 /* Steps of a linear system x' = A(t) x of dimension m, each of which is exp(W), see magnus.h. */
@@ -50,7 +55,6 @@ struct steps {
     int64_t count, m;
     const double *coefficients; /* (count, 5, m, m), of h, h^2, ..., h^5 in W */
     const double *length;       /* (count,), h as a part of the period */
-    const double *growth;       /* (count,), a rate that is taken out of each */
 };
 
 /* What the search for Lyapunov functions goes by: the names are those of gearstab/floquet/kernel/lyapunov.py. */

@@ -26,6 +26,7 @@ PRAGMA_TARGET(TARGET)
 #include "conservative.h"
 #include "rates.h"
 #include "moduli.h"
+#include "exponential.h"
 #include "damped.h"
 #include "scattered.h"
 #include "periodic.h"

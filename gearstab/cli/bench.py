@@ -50,7 +50,6 @@ def command(
     from gearstab.results import Group, ResultTree, write_result
     from gearstab.results.guard import BENCH
     from gearstab.results.provenance import modes_group, root_attributes
-    from gearstab.systems import build
 
     found = measure(scene, points, seconds, lambda text: None if quiet else tell(f"measuring: {text}"))
     say(table(found, points))
@@ -58,8 +57,8 @@ def command(
         from gearstab.bench.branches import branch_cost
 
         cycles = loaded.methods.branches.cycles
-        say(branch_cost(build(loaded.parameters), scene.start, scene.stop, cycles=cycles).text(cycles))
-    groups = {"modes": modes_group(build(loaded.parameters)), "bench": bench_group(scene, points, found)}
+        say(branch_cost(loaded.system.build(), scene.start, scene.stop, cycles=cycles).text(cycles))
+    groups = {"modes": modes_group(loaded.system.build()), "bench": bench_group(scene, points, found)}
     write_result(target, ResultTree(Group((), root_attributes(BENCH, loaded)), groups))
     if not quiet:
         tell(f"written: {target}")
@@ -87,7 +86,6 @@ def _scene(loaded: Config) -> Scene:
     from gearstab.config import ConfigError
     from gearstab.support import unsupported
     from gearstab.system import Feature
-    from gearstab.systems import build
 
     axis = next((axis for axis in loaded.axes if axis.name == "mesh_frequency"), None)
     if axis is None:
@@ -96,7 +94,7 @@ def _scene(loaded: Config) -> Scene:
             [loaded.problem(("sweep", "mesh_frequency"), "missing", "is missing, which bench needs", hint)]
         )
     values = [float(value) for value in axis.values]
-    system = build(loaded.parameters)
+    system = loaded.system.build()
     if refused := unsupported(system, {Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING}):
         apart = (i for i, mesh in enumerate(system.meshes) if isinstance(mesh.frequency_ratio, float))
         places: list[tuple[str | int, ...]] = [("meshes", i, "frequency_ratio") for i in apart]

@@ -69,9 +69,8 @@ def checked(config: Path, overrides: tuple[str, ...]) -> Config:
         found = load(config, overrides)
     if found.methods.chosen:
         from gearstab.config.checks.options import check
-        from gearstab.systems import build
 
-        check(found, build(found.parameters))
+        check(found, found.system.build())
     if found.design is not None:
         from gearstab.design import check as check_design
 

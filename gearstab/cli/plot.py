@@ -34,12 +34,15 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 @click.option("--title", metavar="TEXT", help="Title over the figure [default: that of the result].")
 @click.option("--no-title", is_flag=True, help="Write no title over the figure.")
 @click.option("--size", metavar="single|double", help="One journal column (88 mm) or two (180 mm).")
+@click.option(
+    "--style", default="", metavar="NAME|FILE", help="A style of matplotlib, a style sheet, or latex: text by LaTeX."
+)
 @options.quiet
 @click.option("--dpi", type=click.IntRange(50, 2400), help="Resolution of pixels [default: 300].")
 def command(
     result: Path, output: Path | None, kind: str | None, x: str | None, y: str | None, select: tuple[str, ...],
     unit: tuple[str, ...], variable: str | None, mark: tuple[str, ...], level: tuple[float, ...], title: str | None,
-    no_title: bool, size: str | None, dpi: int | None, quiet: bool,
+    no_title: bool, size: str | None, dpi: int | None, quiet: bool, style: str,
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
     from gearstab.errors import PlotError
@@ -57,8 +60,9 @@ def command(
     (PAGE if interactive else FIGURE).refuse(target, result)
     chosen = options.selections(select)
     request = Request(
-        x, y, chosen, variable, size, not no_title and (title or True), dpi, unit, levels=level, marks=points(mark)
-    )
+        x, y, chosen, variable, size, not no_title and (title or True), dpi, unit,
+        levels=level, marks=points(mark), style=style,
+    )  # fmt: skip
     if interactive:
         if kind not in (None, "map") or variable is not None or mark:
             raise PlotError("a page shows the map of growth rates alone: leave --kind, --variable and --mark out")
@@ -69,7 +73,7 @@ def command(
         return
     with reading(result) as tree:
         figure, artists = draw(tree, kind, request)
-        save(figure, target, title_of(tree))
+        save(figure, target, title_of(tree), style)
     if quiet:
         return
     tell(f"figure: {target}")

@@ -2,10 +2,9 @@
 
 from gearstab.config.configuration import Config
 from gearstab.config.document.problems import ConfigError, Problem
-from gearstab.config.loading import load, parameters_with, require
-from gearstab.config.model.axes import Assignment, Axis, alike, parameters_at
+from gearstab.config.loading import load, require, system_with
+from gearstab.config.model.axes import Assignment, Axis, alike
 
 __all__ = [
-    "Assignment", "Axis", "Config", "ConfigError", "Problem", "alike", "load", "parameters_at", "parameters_with",
-    "require",
+    "Assignment", "Axis", "Config", "ConfigError", "Problem", "alike", "load", "require", "system_with",
 ]  # fmt: skip

@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     from gearstab.config.sections.design import Design
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.uncertain import Uncertainties
+    from gearstab.systems.base import System  # noqa: F401 - named in quotes
     from gearstab.systems.parts.respond import Respond
     from gearstab.systems.parts.respond_pair import PairRespond
 
 
 @dataclass(frozen=True)
-class Config(Grid):
+class Config(Grid["System"]):
     """A configuration that was read and found right.
 
     methods, respond and design: their sections.

@@ -16,7 +16,6 @@ from gearstab.config.document.codes import Code
 from gearstab.config.document.data import NAME, document_of
 from gearstab.config.document.problems import ConfigError, nearest
 from gearstab.config.document.yaml import Document, read
-from gearstab.config.model.axes import parameters_at
 from gearstab.config.overrides import TOP_LEVEL
 from gearstab.config.reading.methods import complete_methods, read_methods, read_uncertainties
 from gearstab.config.reading.respond import read_respond
@@ -24,6 +23,7 @@ from gearstab.config.reading.system import SystemSections, find_model, read_syst
 
 if TYPE_CHECKING:
     from gearstab.config.sections.methods import Methods
+    from gearstab.systems.base import System
     from gearstab.systems.parts.respond import Respond
     from gearstab.systems.parts.respond_pair import PairRespond
 
@@ -78,7 +78,7 @@ def load(
         methods, uncertainties = read_uncertainties(methods, system)
         methods = complete_methods(document, source, methods, system.axes)
     if methods is not None and model is not None and system is not None:
-        for name, code, message, hint in model.unfit(system.parameters, system.axes, methods.chosen):
+        for name, code, message, hint in system.section.unfit(system.axes, methods.chosen):
             document.report(("methods", *name), code, message, hint, at_key=True)
     if document.problems or system is None or methods is None:
         raise ConfigError(document.problems)
@@ -91,12 +91,12 @@ def load(
     if uncertainties is not None:
         from gearstab.config.sections import uncertain
 
-        doubts += uncertain.doubts(document, uncertainties, config.parameters, config.axes)
+        doubts += uncertain.doubts(document, uncertainties, config.system, config.axes)
     return replace(config, doubts=tuple(doubts), uncertainties=uncertainties)
 
 
-def parameters_with(config: Config, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of a configuration with other numbers, arrays among them, in place of some.
+def system_with(config: Config, values: Mapping[str, Any]) -> System:
+    """Return the section ``system`` of a configuration with other numbers, arrays among them, in place of some.
 
     values: by name, as those of axes; arrays broadcast against each other, and their shape is the batch of the system.
 
@@ -118,13 +118,13 @@ def parameters_with(config: Config, values: Mapping[str, Any]) -> dict[str, Any]
     system = read_system(document, model, config.source) if model else None
     if document.problems or system is None:
         raise ConfigError(document.problems)
-    found = replace(config, parameters=system.parameters, axes=system.axes, respond=None, document=document)
+    found = replace(config, system=system.section, axes=system.axes, respond=None, document=document)
     from gearstab.config.checks import feasibility
 
     feasibility.check(document, found)
     if document.problems:
         raise ConfigError(document.problems)
-    return parameters_at(found, {axis.name: np.reshape(index, shape) for axis in system.axes})
+    return found.at({axis.name: np.reshape(index, shape) for axis in system.axes})
 
 
 def _check_top_level(document: Document, needs: Sequence[str]) -> None:
@@ -172,8 +172,8 @@ def _config(
         tree["design"] = system.design.tree
     return Config(
         title=title,
-        kind=system.parameters["kind"],
-        parameters=system.parameters,
+        kind=document.data["system"]["kind"],
+        system=system.section,
         axes=system.axes,
         methods=methods,
         respond=respond,

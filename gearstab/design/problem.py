@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from gearstab.config import Axis, Config, parameters_at
+from gearstab.config import Axis, Config
 from gearstab.config.sections.design import Design, DesignVariable, SpeedRange
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.errors import NotPossible
 from gearstab.system import Array, GearSystem
-from gearstab.systems import build, model_of
+from gearstab.systems.base import System
 
 GIVEN = np.nan
 """Stands for a variable's value: the one that the configuration gives."""
@@ -32,11 +31,11 @@ class Span:
 
 @dataclass(frozen=True)
 class Batch:
-    """Designs of equal structure. members: their places; system: of batch shape (members,); p: its parameters."""
+    """Designs of equal structure. members: their places; system: of batch shape (members,); p: its section."""
 
     members: Array
     system: GearSystem
-    p: dict[str, Any]
+    p: System
     spans: tuple[Span, ...]
 
 
@@ -95,10 +94,10 @@ class DesignProblem:
 
     def _built(self, designs: Array, members: Array) -> Iterator[Batch]:
         try:
-            p = self.parameters(designs[members])
-            if not model_of(p).assembled(p):
+            p = self.systems(designs[members])
+            if not p.assembled():
                 return
-            system = build(p).over((len(members),))
+            system = p.build().over((len(members),))
         except (NotPossible, ArithmeticError, np.linalg.LinAlgError):
             # One that cannot be built must not take the others with it.
             half = len(members) // 2
@@ -108,8 +107,8 @@ class DesignProblem:
             return
         yield Batch(members, system, p, self.spans(p))
 
-    def parameters(self, designs: Array) -> dict[str, Any]:
-        """Parameters of designs of one structure, arrays ``(rows,)`` where a variable sets them."""
+    def systems(self, designs: Array) -> System:
+        """Return the section ``system`` of designs of one structure, arrays ``(rows,)`` where a variable sets them."""
         axes: list[Axis] = []
         rows = np.arange(len(designs))
         selection: dict[str, Array] = {}
@@ -122,16 +121,16 @@ class DesignProblem:
                 axis = replace(axis, assignments=items)
             axes.append(axis)
             selection[axis.name] = rows if variable.continuous else designs[:, k].astype(int)
-        p = parameters_at(replace(self.config, axes=tuple(axes)), selection)
-        return model_of(p).dependent(p, {item.path for axis in axes for item in axis.assignments})
+        system = replace(self.config, axes=tuple(axes)).at(selection)
+        return system.dependent({item.path for axis in axes for item in axis.assignments})
 
-    def spans(self, p: Mapping[str, Any]) -> tuple[Span, ...]:
+    def spans(self, p: System) -> tuple[Span, ...]:
         """The operating ranges in the mesh frequency; of an input speed they go with the teeth."""
-        return tuple(self._span(item, dict(p)) for item in self.design.ranges)
+        return tuple(self._span(item, p) for item in self.design.ranges)
 
     @staticmethod
-    def _span(item: SpeedRange, p: dict[str, Any]) -> Span:
+    def _span(item: SpeedRange, p: System) -> Span:
         factor = 1.0
         if item.of == INPUT_SPEED:
-            factor = float(model_of(p).cycles_of_input(p) or 1.0)
+            factor = float(p.cycles_of_input(p) or 1.0)
         return Span(item.low * factor, item.high * factor, item.weight, factor)

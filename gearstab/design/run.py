@@ -18,11 +18,10 @@ def check(config: Config) -> None:
     from gearstab.design.searching.search import combinations
     from gearstab.support import unsupported
     from gearstab.system import Feature
-    from gearstab.systems import build, train_of
 
     if config.design is None:
         return
-    system = build(config.parameters)
+    system = config.system.build()
     asked: list[tuple[tuple[str, ...], str]] = []
     asked += [(("design", "minimise"), name) for weights in config.design.objectives for name in weights]
     asked += [(("design", "constraints", limit.name), limit.name) for limit in config.design.limits if not limit.paths]
@@ -34,7 +33,7 @@ def check(config: Config) -> None:
             found.append(
                 config.problem(path, "needs_other", "nothing drives the system, which load_factor needs", "give a load")
             )
-        elif name == "root_stress" and (train_of(config.parameters) is None or system.load is None):
+        elif name == "root_stress" and (config.system.train() is None or system.load is None):
             message = "root_stress needs the teeth of a gearbox and a torque"
             found.append(
                 config.problem(path, "needs_other", message, "describe the gears in a gearbox and give input.torque")

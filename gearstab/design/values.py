@@ -19,7 +19,7 @@ def given_places(problem: DesignProblem) -> Array:
 
 
 def _place(problem: DesignProblem, variable: DesignVariable) -> float:
-    values = [value_at(problem.config.parameters, item.path) for item in variable.axis.assignments]
+    values = [value_at(problem.config.system, item.path) for item in variable.axis.assignments]
     if variable.continuous:
         value = values[0]
         return np.nan if value is None else float(value) / variable.axis.assignments[0].factor
@@ -51,7 +51,7 @@ def _given_number(problem: DesignProblem, variable: DesignVariable) -> float:
     if variable.form == "choices" or variable.continuous or not np.isnan(place):
         return np.nan if np.isnan(place) else number(problem, variable, place)
     try:
-        return float(value_at(problem.config.parameters, variable.axis.assignments[0].path))
+        return float(value_at(problem.config.system, variable.axis.assignments[0].path))
     except (TypeError, ValueError):
         return np.nan
 
@@ -65,7 +65,7 @@ def text(problem: DesignProblem, variable: DesignVariable, place: float) -> str:
         return str(variable.axis.assignments[0].values[int(place)])
     value = number(problem, variable, place)
     if np.isnan(value):
-        return str(value_at(problem.config.parameters, variable.axis.assignments[0].path))
+        return str(value_at(problem.config.system, variable.axis.assignments[0].path))
     return f"{value:.6g}"
 
 

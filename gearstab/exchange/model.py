@@ -11,7 +11,6 @@ from gearstab.errors import NotPossible
 from gearstab.floquet.truncation import modes_basis
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
-from gearstab.systems import build
 from gearstab.systems.matrices.file import OF_ROTATION
 from gearstab.systems.parts.terms import antisymmetric_terms, symmetric
 
@@ -64,7 +63,7 @@ def reduced(found: Model, modes: int) -> Model:
     """Return a model in the coordinates of the lowest modes of its mean system (Galerkin), normalised by the mass."""
     from gearstab import config
 
-    system = build(config.load({"system": found}).parameters)
+    system = config.load({"system": found}).system.build()
     if not 1 <= modes <= system.size:
         raise NotPossible(f"modes is {modes}, and the model has {system.size} coordinates", "keep some of them")
     basis = modes_basis(system, range(1, modes + 1))

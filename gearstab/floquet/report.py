@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.frequencies.choice import sample, segments_a_cycle
+from gearstab.floquet.frequencies.period import sample, segments_a_cycle
 from gearstab.floquet.general.coordinates import free_rotations
 from gearstab.floquet.segments.blocks import Block, split
 from gearstab.modal import mean_modes
@@ -77,14 +77,8 @@ def search_cost(system: GearSystem, size: int) -> float:
     return SEARCH * max(1.0, segments * size**3 / STANDARD)
 
 
-def reduction(system: GearSystem) -> Reduction:
-    """The reduction of a single system (no batch).
-
-    Without an affordable common period it is that of a window, with the segments of that. A system with periodic terms
-    is solved as a whole but for its rigid-body modes.
-    """
-    if system.general:
-        return _with_terms(system)
+def reduced(system: GearSystem) -> Reduction:
+    """Return the reduction of a single system in the modes of the mean system."""
     modes = mean_modes(system)
     rigid = modes.rigid
     elastic = np.flatnonzero(~rigid) + 1
@@ -111,7 +105,8 @@ def reduction(system: GearSystem) -> Reduction:
     )
 
 
-def _with_terms(system: GearSystem) -> Reduction:
+def whole(system: GearSystem) -> Reduction:
+    """Return the reduction of a single system in its first-order form: only rigid-body modes are left out."""
     rigid = free_rotations(system)[0]
     size = int(np.sum(~rigid))
     # Without a common period the segments of one cycle are told.

@@ -24,13 +24,14 @@ import numpy as np
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import Block, split
-from gearstab.floquet.segments.pattern import Pattern, prepare
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.segments.reduction import reduce
 from gearstab.floquet.smooth.schemes import CF6_5
-from gearstab.floquet.smooth.solve import split_pattern, within
-from gearstab.floquet.smooth.steps import Division, portions
+from gearstab.floquet.smooth.solve import periods, within
+from gearstab.floquet.smooth.steps import Division
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
 from gearstab.modal import modal_damping_matrix
+from gearstab.support import ONLY_MESHES, require
 from gearstab.system import Array, GearSystem
 
 FLAGS = {"not_monotone": 1, "beyond": 2, "failed": 4, "rigid_body": 8}
@@ -83,14 +84,13 @@ def required_damping(
     largest: damping at which the search ends.
     tolerance: of the value, relative. It is rounded up, so that the growth there is no larger than its rounding error.
 
-    Raises ValueError for a factor on no damping, and for periodic terms.
+    Raises ValueError for a factor on no damping, and where more than the mesh stiffness varies.
     """
-    if system.general:
-        raise ValueError("only the mesh stiffness may vary here, and damping must be symmetric")
+    require(system, ONLY_MESHES, "required damping")
     omega = system.operating_points(mesh_frequency)
     value, status = np.zeros(omega.shape), np.zeros(omega.shape, dtype=np.int16)
     levels = np.append(0.0, (largest or LARGEST[of]) * 0.5 ** np.arange(LEVELS - 1, -1, -1))
-    for block in (_exact if system.piecewise_constant else _smooth)(unit(system, of), omega, levels[1]):
+    for block in _blocks(unit(system, of), omega, levels[1]):
         index = block.pattern.rows
         search = _Search(block, omega[index])
         found, flags = search.zeros(levels, tolerance)
@@ -112,20 +112,16 @@ def _driven(system: GearSystem) -> Array:
     return result
 
 
-def _exact(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
-    """The blocks of a piecewise constant system."""
-    for pattern in prepare(system):
-        yield from (block for block in split(pattern) if block.pattern.size)
-
-
-def _smooth(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
-    """The blocks of any other system, in Magnus steps that are short enough for its growth at a level of damping."""
-    for division in portions(system, ROWS_AT_ONCE):
-        for block in split(split_pattern(division)):
+def _blocks(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
+    """The blocks of a system, Magnus steps being short enough for its growth at a level of damping."""
+    for pattern, division in periods(system, ROWS_AT_ONCE):
+        for block in split(pattern):
             if block.pattern.size == 0:
                 continue
-            still = block.constant or bool(division.constant.all())
-            yield block if still else replace(block, pattern=_resolved(within(division, block.pattern), omega, level))
+            if division is None or block.constant:
+                yield block
+            else:
+                yield replace(block, pattern=_resolved(within(division, block.pattern), omega, level))
 
 
 def _resolved(division: Division, omega: Array, level: float) -> Pattern:

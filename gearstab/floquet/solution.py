@@ -158,7 +158,7 @@ def decide_doubtful(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array,
 def conservative_logs(pattern: Pattern, omega: Array) -> Array:
     """ln lambda ``(r, P, 2n)``; the product is formed only where that costs no digits."""
     logs = kernel.log_multipliers(pattern, omega, GRADED_NORM)
-    for row, wide in factors.chains(np.isnan(logs).any(axis=2), pattern):
+    for row, wide in factors.chains(np.isnan(logs).any(axis=2), len(pattern.states), 2 * pattern.size):
         logs[row, wide] = kernel.graded(factors.factors(pattern, row, omega[row, wide]))
     return logs
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.floquet.frequencies.choice import sample
+from gearstab.floquet.frequencies.period import sample
 from gearstab.modal import eigenmodes, mean_modes
 from gearstab.symmetry import the_symmetry, type_name
 from gearstab.system import Array, GearSystem
@@ -81,7 +81,7 @@ def neglected(system: GearSystem, basis: Array) -> float:
     outside = np.linalg.svd(basis.T @ system.mass)[2][basis.shape[1] :].T
     if outside.shape[1] == 0:
         return 0.0
-    pattern = sample(system)
+    pattern = sample(system.only_meshes())
     mean = system.mean_stiffness_matrix()
     inner, outer = (_modes(system.mass, mean, part) for part in (basis, outside))
     coupling = [mean, *(system.stiffness_matrix(list(levels)) for levels in pattern.levels[0])]

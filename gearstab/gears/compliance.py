@@ -1,7 +1,8 @@
 """Compliance of a tooth and stiffness of one pair of teeth along the path of contact.
 
 A tooth is a cantilever from its root circle, of thickness 2 x(y), loaded normal to its flank at (x_c, y_c); beta is the
-angle of the force to the normal of the tooth's axis. With D = y_c cos beta - x_c sin beta:
+angle of the force to the normal of the tooth's axis, y the height above the root, of an internal tooth inwards. With
+D = y_c cos beta - x_c sin beta:
 
     bending      int (D - y cos beta)^2 / (E I) dy,   I = 2 b x^3/3
     shear        1.2 cos^2 beta int dy / (G A),       A = 2 b x
@@ -17,13 +18,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import pi
+from math import pi, sqrt
 
 import numpy as np
 
 from gearstab.gears.geometry import Gear
 from gearstab.gears.pair import Pair
-from gearstab.gears.profile import NODES, ToothProfile, tooth_profile
+from gearstab.gears.profile import NODES, ToothProfile, flank, tooth_profile
 
 Array = np.ndarray
 
@@ -79,39 +80,65 @@ def _root_height(profile: ToothProfile) -> float:
     return float(profile.fillet(pi / 2)[1])
 
 
-def _flank_moments(profile: ToothProfile, roll: Array) -> Array:
-    """The integrals over the involute up to each contact point."""
-    nodes, weights = _gauss()
-    span = (roll - profile.form_roll)[..., None]
-    x, y, _, rate = profile.involute(profile.form_roll + span * nodes)
-    return _moments(x, y - _root_height(profile), weights * span * rate)
+@dataclass(frozen=True)
+class Cantilever:
+    """Foot of a tooth: its height y_f above the gear's centre, where the involute begins above it, its half angle.
+
+    fillet: integrals over the fillet, as of ``_moments``; zeros of an internal tooth, whose involute goes down to the
+    root circle.
+    """
+
+    foot: float
+    form_roll: float
+    half_angle: float
+    fillet: Array
+
+    @classmethod
+    def of(cls, gear: Gear) -> Cantilever:
+        if not gear.internal:
+            profile = tooth_profile(gear)
+            fillet = _fillet_moments(profile)
+            return cls(_root_height(profile), profile.form_roll, profile.root_half_angle, fillet)
+        roll = sqrt((gear.root_radius / gear.base_radius) ** 2 - 1)
+        x, y, _, _ = flank(gear, roll)
+        return cls(float(y), roll, float(np.arctan2(x, y)), np.zeros(4))
+
+    def moments(self, gear: Gear, roll: Array) -> Array:
+        """Integrals over the tooth from its foot up to each contact point."""
+        nodes, weights = _gauss()
+        span = (roll - self.form_roll)[..., None]
+        x, y, _, rate = flank(gear, self.form_roll + span * nodes)
+        along = _moments(x, gear.sign * (y - self.foot), gear.sign * weights * span * rate)
+        return self.fillet.reshape((4,) + (1,) * roll.ndim) + along
 
 
 def tooth_compliance(gear: Gear, roll: Array | float, face_width: float | None = None) -> ToothCompliance:
-    """Compliance of an external tooth loaded at involute points, given by roll angle (tan of the profile angle).
+    """Compliance of a tooth loaded at involute points, given by roll angle (tan of the transverse profile angle).
 
-    A point below the end of an undercut fillet counts as on the involute continued. ``face_width``: None for the
-    gear's. Raises ValueError for an internal gear.
+    A point below the end of an undercut fillet counts as on the involute continued. An internal tooth has involute
+    flanks down to its root circle, from which it rises inwards. ``face_width``: None for the gear's.
     """
-    profile = tooth_profile(gear)
     roll = np.asarray(roll, dtype=float)
     b = gear.face_width if face_width is None else face_width
-    x, y, _, _ = profile.involute(roll)
-    beta = roll - gear.base_half_angle
+    tooth = Cantilever.of(gear)
+    x, y, _, _ = flank(gear, roll)
+    beta = roll - gear.sign * gear.base_half_angle
     cos, sin = np.cos(beta), np.sin(beta)
-    flat = _fillet_moments(profile).reshape((4,) + (1,) * roll.ndim) + _flank_moments(profile, roll)
-    arm = (y - _root_height(profile)) * cos - x * sin
+    flat = tooth.moments(gear, roll)
+    arm = gear.sign * (y - tooth.foot) * cos - x * sin
     bending = 1.5 / (gear.young * b) * (arm**2 * flat[0] - 2 * arm * cos * flat[1] + cos**2 * flat[2])
     shear_modulus = gear.young / (2 * (1 + gear.poisson))
     return ToothCompliance(
         bending=bending,
         shear=SHEAR_FACTOR * cos**2 * flat[3] / (2 * shear_modulus * b),
         axial=sin**2 * flat[3] / (2 * gear.young * b),
-        foundation=_foundation(gear, profile.root_half_angle, x, y, beta) / b,
+        foundation=_foundation(gear, tooth.half_angle, x, y, beta) / b,
     )
 
 
 def _foundation(gear: Gear, theta: float, x: Array, y: Array, beta: Array) -> Array:
+    if gear.internal:
+        return np.zeros(np.shape(x))
     h = (
         min(max(gear.root_radius / gear.bore, FOUNDATION_RANGE[0]), FOUNDATION_RANGE[1])
         if gear.bore
@@ -134,7 +161,7 @@ def contact_compliance(pair: Pair) -> float:
 def pair_stiffness(pair: Pair, s: Array | float, foundation: bool = True) -> Array:
     """Stiffness of one pair of teeth in contact at the distance s from T1, N/m, of the shape of s.
 
-    Raises ValueError for an internal wheel, whose teeth no rack cuts: give its measured stiffness instead.
+    Of helical gears that of the transverse section, along its line of action.
     """
     s = np.asarray(s, dtype=float)
     compliance = np.full(s.shape, contact_compliance(pair))

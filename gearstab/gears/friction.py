@@ -221,11 +221,15 @@ def mesh_friction(
     """The friction of a mesh at the pinion's speed (rad/s) under the mean mesh force (N, normal to the teeth).
 
     The coefficients are those of the static load shares. Raises NotPossible for a speed or force that is not positive,
-    and as :func:`~gearstab.gears.mesh_stiffness.mesh_stiffness`.
+    for helical teeth, and as :func:`~gearstab.gears.mesh_stiffness.mesh_stiffness`.
     """
     if not abs(pinion_speed) > 0 or not force > 0:
         raise NotPossible(
             f"friction needs a turning pinion and a positive force, not {pinion_speed} rad/s and {force} N"
+        )
+    if pair.overlap_ratio > 0:
+        raise NotPossible(
+            "friction between helical teeth is not computed", "remove friction, or make the gears of the mesh spur"
         )
     c = pair.contact_ratio
     kinks = [pair.phase(sliding_contact(pair, ratio)) for ratio in friction.kinks]

@@ -1,6 +1,7 @@
-"""Involute geometry of one spur gear, external or internal: what the drawing says.
+"""Involute geometry of one gear, spur or helical, external or internal: what the drawing says.
 
-Lengths are metres, angles radians; what the rack gives is in modules.
+Lengths are metres, angles radians; what the rack gives is in normal modules. Radii, arcs and angles of the involute are
+those of the transverse section, where a helical gear is a spur gear of the module m_n/cos beta with the same heights.
 
 Sources: ISO 21771 (2007); Colbourne 1987, *The Geometry of Involute Gears*.
 """
@@ -8,7 +9,7 @@ Sources: ISO 21771 (2007); Colbourne 1987, *The Geometry of Involute Gears*.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import acos, cos, pi, sin, tan
+from math import acos, atan, cos, pi, sin, tan
 
 from gearstab.errors import NotPossible
 
@@ -34,19 +35,30 @@ def inverse_involute(value: float) -> float:
     return angle
 
 
+MOST_HELIX = pi / 3
+"""Helix angle (radians) beyond any cylindrical gear's."""
+
+
+def transverse_angle(pressure_angle: float, helix_angle: float) -> float:
+    """alpha_t of the transverse section, tan alpha_t = tan alpha_n/cos beta."""
+    return pressure_angle if helix_angle == 0 else atan(tan(pressure_angle) / cos(helix_angle))
+
+
 @dataclass(frozen=True)
 class Gear:
-    """One spur gear, cut by a rack of the given basic profile (an internal gear: conjugate to one so cut).
+    """One gear, cut by a rack of the given basic profile (an internal gear: conjugate to one so cut).
 
     Parameters
     ----------
     teeth: z > 0, also of an internal gear.
-    module, face_width: m, b in metres.
-    pressure_angle: alpha of the rack, radians.
+    module, face_width: m (normal to the teeth, m_n), b in metres.
+    pressure_angle: alpha of the rack (normal, alpha_n), radians.
+    helix_angle: beta on the reference circle, radians: positive of a right-handed gear, negative of a left-handed one.
     profile_shift: x in modules; positive pushes the flanks outwards, also on an internal gear.
     addendum, dedendum: h_aP, h_fP of the rack in modules.
     rack_tip_radius: rho_fP in modules; None: the largest that leaves the addendum line of the mate untouched,
-        c/(1 - sin alpha) with c = dedendum - addendum, or a full rounding where that is smaller.
+        c/(1 - sin alpha) with c = dedendum - addendum, or a full rounding where that is smaller. A circle of this
+        radius rounds the tip in the transverse section too. An internal gear has sharp roots.
     tip_shortening: in modules, taken off the tip.
     bore_radius: metres; of an internal gear, the outside of its rim. None: 0.4 root radii (internal: 1.2).
     young, poisson, density: of the material; steel.
@@ -68,6 +80,7 @@ class Gear:
     poisson: float = 0.3
     density: float = 7850.0
     internal: bool = False
+    helix_angle: float = 0.0
 
     def __post_init__(self) -> None:
         if self.teeth < 3 or self.teeth != int(self.teeth):
@@ -77,6 +90,8 @@ class Gear:
                 raise NotPossible(f"{name} must be positive, not {getattr(self, name)}")
         if not 0 < self.pressure_angle < pi / 4:
             raise NotPossible(f"pressure_angle must lie between 0 and 45 degrees, not {self.pressure_angle * 180 / pi}")
+        if not abs(self.helix_angle) < MOST_HELIX:
+            raise NotPossible(f"helix_angle must lie within 60 degrees, not {self.helix_angle * 180 / pi}")
         if not -1 < self.poisson < 0.5:
             raise NotPossible(f"poisson must lie between -1 and 0.5, not {self.poisson}")
         if not self.height > 0:
@@ -109,14 +124,29 @@ class Gear:
         return -1 if self.internal else 1
 
     @property
+    def transverse_module(self) -> float:
+        """m_t = m_n/cos beta."""
+        return self.module / cos(self.helix_angle)
+
+    @property
+    def transverse_angle(self) -> float:
+        """alpha_t: see :func:`transverse_angle`."""
+        return transverse_angle(self.pressure_angle, self.helix_angle)
+
+    @property
+    def base_helix(self) -> float:
+        """beta_b, tan beta_b = tan beta cos alpha_t, with the sign of beta."""
+        return atan(tan(self.helix_angle) * cos(self.transverse_angle))
+
+    @property
     def radius(self) -> float:
-        """Radius of the reference circle, r = m z/2."""
-        return self.module * self.teeth / 2
+        """Radius of the reference circle, r = m_t z/2."""
+        return self.transverse_module * self.teeth / 2
 
     @property
     def base_radius(self) -> float:
-        """r_b = r cos alpha."""
-        return self.radius * cos(self.pressure_angle)
+        """r_b = r cos alpha_t."""
+        return self.radius * cos(self.transverse_angle)
 
     @property
     def tip_radius(self) -> float:
@@ -141,8 +171,8 @@ class Gear:
 
     @property
     def base_pitch(self) -> float:
-        """p_b = pi m cos alpha, the distance of two pairs along the line of action."""
-        return pi * self.module * cos(self.pressure_angle)
+        """p_b = pi m_t cos alpha_t, the distance of two pairs along the transverse line of action."""
+        return pi * self.transverse_module * cos(self.transverse_angle)
 
     @property
     def full_rounding(self) -> float:
@@ -159,9 +189,9 @@ class Gear:
 
     @property
     def base_half_angle(self) -> float:
-        """Half the angle of the tooth where its involutes meet the base circle, s/2r + inv alpha (internal: -)."""
+        """Half the angle of the tooth where its involutes meet the base circle, s/2r + inv alpha_t (internal: -)."""
         return pi / (2 * self.teeth) + self.sign * (
-            2 * self.profile_shift * tan(self.pressure_angle) / self.teeth + involute(self.pressure_angle)
+            2 * self.profile_shift * tan(self.pressure_angle) / self.teeth + involute(self.transverse_angle)
         )
 
     def profile_angle(self, radius: float) -> float:
@@ -183,10 +213,13 @@ class Gear:
 
     @property
     def least_shift(self) -> float:
-        """The profile shift below which the rack undercuts, x = h - z sin^2(alpha)/2; h: depth of its straight flank.
+        """The profile shift below which the rack undercuts, x = h - r sin^2(alpha_t)/m; h: depth of its straight flank.
 
         With the usual rounding h = h_aP and x = (17.097 - z)/17.097 at 20 degrees. Not for internal gears.
         """
-        alpha = self.pressure_angle
-        straight = self.dedendum - self.rounding * (1 - sin(alpha))
-        return straight - self.teeth * sin(alpha) ** 2 / 2
+        return self.straight_depth - self.radius / self.module * sin(self.transverse_angle) ** 2
+
+    @property
+    def straight_depth(self) -> float:
+        """Depth below the reference line, in modules, to which the flank of the rack is straight."""
+        return self.dedendum - self.rounding * (1 - sin(self.transverse_angle))

@@ -14,9 +14,9 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.gears.compliance import pair_stiffness
 from gearstab.gears.pair import Pair
-from gearstab.waveforms import Fourier
+from gearstab.waveforms import Fourier, Helical
 from gearstab.waveforms.phase import stiff_fraction
-from gearstab.waveforms.tooth import Piecewise, Tooth, nodes, through
+from gearstab.waveforms.tooth import Piecewise, Tooth, averaged, nodes, through
 
 Array = np.ndarray
 
@@ -35,8 +35,8 @@ class StiffnessModel:
     double_contact_factor: f, the stiffness of two pairs in contact over the sum of theirs. Teeth on one body deflect
         each other, which the sum ignores: plane finite elements give f = 0.77 (19/48 teeth). n pairs that influence
         each other equally then have the fraction f_n = 1/[1 + (n - 1) (1/f - 1)] of their sum.
-    single_pair_stiffness: N/m, of one pair in contact at the pitch point; the computed curve is scaled to it. It is
-        needed for an internal wheel, whose pairs then have this stiffness all along their path.
+    single_pair_stiffness: N/m, of one pair in contact at the pitch point; the computed curve is scaled to it. Pairs of
+        an internal wheel then have this stiffness all along their path.
     variation: (max k - min k)/mean k of the mesh: the computed curve is stretched about its mean to it.
     foundation: whether the teeth stand on an elastic body.
 
@@ -81,12 +81,22 @@ class MeshStiffness:
     Parameters
     ----------
     pair, model: what it was computed from.
-    curve: k(x), with breakpoints where a pair of teeth enters and leaves.
+    transverse: k(x) of spur teeth of the transverse section, with breakpoints where a pair enters and leaves.
     """
 
     pair: Pair
     model: StiffnessModel
-    curve: Piecewise
+    transverse: Piecewise
+
+    @cached_property
+    def curve(self) -> Piecewise:
+        """k(x), of helical teeth the mean of the transverse stiffness over the overlap ratio.
+
+            k(x) = 1/eps_beta int_0^eps_beta k_t(x - u) du
+
+        A slice at y of the face width b is a spur mesh, delayed by eps_beta y/b; slices do not brace each other.
+        """
+        return averaged(self.transverse, self.pair.overlap_ratio)
 
     @cached_property
     def waveform(self) -> Tooth:
@@ -112,33 +122,40 @@ class MeshStiffness:
 
     @property
     def levels(self) -> tuple[float, float]:
-        """Mean of k while floor(c) pairs carry, and while floor(c) + 1 do (NaN for an integer contact ratio)."""
-        high, low = self.curve.means
-        return float(low), float(high) if self.curve.lengths[0] > 0 else float("nan")
+        """Mean of the transverse stiffness while floor(c) pairs carry, and while floor(c) + 1 do.
+
+        The latter is NaN for an integer contact ratio.
+        """
+        high, low = self.transverse.means
+        return float(low), float(high) if self.transverse.lengths[0] > 0 else float("nan")
 
     def harmonic(self, order: int) -> float:
         """Amplitude of the harmonic of that order over the mean stiffness."""
         return float(np.hypot(*self.curve.fourier(order))) / self.mean
 
     def rectangular(self, keep: Keep = "peak-to-peak") -> RectangularReduction:
-        """The rectangular wave of the same mean and contact ratio that keeps one more quantity.
+        """Return the rectangular wave of the mean and contact ratio of the transverse stiffness, with one more of its
+        quantities.
 
         ``peak-to-peak``: max k - min k. ``first harmonic``: its amplitude, 4 epsilon sin(pi d)/pi with d = c -
-        floor(c). ``levels``: the difference of the mean stiffness with more and with fewer pairs in contact.
+        floor(c). ``levels``: the difference of the mean stiffness with more and with fewer pairs in contact. Averaged
+        over the overlap ratio it is a trapezoid with ramps of that width.
 
         Raises NotPossible where no such wave of positive stiffness exists: the first harmonic close to an integer
         contact ratio, where the computed wave has one from its rounded flanks and the rectangular one has hardly any.
         """
         c = self.pair.contact_ratio
         d = float(stiff_fraction(c))
-        epsilon = self.epsilon
+        epsilon = float(np.subtract(*self.transverse.extremes[::-1])) / (2 * self.mean)
         if keep == "first harmonic":
             factor = 4 * np.sin(np.pi * d) / np.pi
-            epsilon = self.harmonic(1) / factor if factor > 0 else np.inf
+            first = np.hypot(*self.transverse.fourier(1)) / self.mean
+            epsilon = float(first) / factor if factor > 0 else np.inf
         elif keep == "levels":
             low, high = self.levels
             epsilon = (high - low) / (2 * self.mean) if d > 0 else 0.0
-        if not 2 * epsilon * d < 1:
+        lowest, _ = Helical(c, self.pair.overlap_ratio).extremes()
+        if not 2 * epsilon * -lowest < 1:
             raise NotPossible(f"no rectangular wave of contact ratio {c:.4f} and positive stiffness keeps the {keep}")
         return RectangularReduction(self.mean, float(epsilon), c)
 
@@ -151,7 +168,8 @@ class MeshStiffness:
 def contact_stiffness(pair: Pair, x: Array | float, model: StiffnessModel = PLAIN) -> tuple[Array, Array]:
     """(s, k) of every pair of teeth at the phases x, ``(..., N)`` each with N = floor(c) + 1; k = 0 out of contact.
 
-    Their sum over the last axis is the mesh stiffness, so that k over it is the pair's share of the load.
+    Their sum over the last axis is the mesh stiffness, of the transverse section of helical gears, so that k over it is
+    the share of the load of a pair of spur teeth.
     """
     s, touching = pair.contacts(x)
     k = np.where(touching, _single(pair, np.clip(s, *pair.path), model), 0.0)
@@ -170,9 +188,7 @@ def _unstretched(model: StiffnessModel) -> StiffnessModel:
 
 def _single(pair: Pair, s: Array, model: StiffnessModel) -> Array:
     measured = model.single_pair_stiffness
-    if pair.wheel.internal:
-        if measured is None:
-            raise NotPossible("the teeth of an internal gear are not computed", "give single_pair_stiffness")
+    if pair.wheel.internal and measured is not None:
         return np.full(s.shape, measured)
     k = pair_stiffness(pair, s, model.foundation)
     return k if measured is None else k * (measured / pair_stiffness(pair, pair.pitch_point, model.foundation))
@@ -180,14 +196,14 @@ def _single(pair: Pair, s: Array, model: StiffnessModel) -> Array:
 
 @lru_cache(maxsize=4096)
 def mesh_stiffness(pair: Pair, model: StiffnessModel = PLAIN) -> MeshStiffness:
-    """The mesh stiffness of a pair over its cycle.
+    """The mesh stiffness of a pair over its cycle, along the transverse line of action.
 
-    Raises NotPossible for a contact ratio below 1 (contact breaks off), for an internal wheel without measured
-    stiffness, and for a ``variation`` that makes the stiffness negative.
+    Raises NotPossible for a total contact ratio below 1 (contact breaks off), and for a ``variation`` that makes the
+    stiffness negative.
     """
     c = pair.contact_ratio
-    if c < 1:
-        raise NotPossible(f"contact breaks off: contact ratio {c:.4f}")
+    if pair.total_contact_ratio < 1:
+        raise NotPossible(f"contact breaks off: contact ratio {pair.total_contact_ratio:.4f}")
     edges = np.array([0.0, stiff_fraction(c)])
     for degree in DEGREES:
         curve = through(edges, np.sum(contact_stiffness(pair, nodes(edges, degree), model)[1], axis=-1))
@@ -195,6 +211,6 @@ def mesh_stiffness(pair: Pair, model: StiffnessModel = PLAIN) -> MeshStiffness:
         if len(size) <= degree or np.max(size[-2:]) < RESOLVED * np.max(size):
             break
     mesh = MeshStiffness(pair, model, curve)
-    if not mesh.extremes[0] > 0:
+    if model.variation is not None and not mesh.extremes[0] > 0:
         raise NotPossible(f"variation {model.variation} takes the mesh stiffness down to {mesh.extremes[0]:.4g} N/m")
     return mesh

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import acos, asin, cos, pi, sin, sqrt, tan
+from math import acos, asin, cos, degrees, pi, sin, sqrt, tan
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class Pair:
     centre_distance: metres; None: of the mesh without backlash.
     wheel_drives: contact then runs from the pinion's tip towards its root.
 
-    Raises NotPossible for gears that cannot mesh.
+    Raises NotPossible for gears that cannot mesh: hands of helical gears are opposite, with an internal wheel equal.
     """
 
     pinion: Gear
@@ -65,6 +65,8 @@ class Pair:
         one, two = self.pinion, self.wheel
         if one.internal:
             raise NotPossible("the pinion must be an external gear")
+        if wrong := _helices(one, two):
+            raise NotPossible(*wrong)
         if abs(one.base_pitch / two.base_pitch - 1) > 1e-9:
             raise NotPossible(f"the base pitches differ: {one.base_pitch:.6g} m and {two.base_pitch:.6g} m")
         if two.internal and two.teeth <= one.teeth:
@@ -128,6 +130,18 @@ class Pair:
         return self.centre * sin(self.pressure_angle)
 
     @property
+    def overlap_ratio(self) -> float:
+        """eps_beta = b tan beta_b/p_b, the base pitches that contact takes from one face to the other; 0 of spur
+        gears.
+        """
+        return self.face_width * abs(tan(self.pinion.base_helix)) / self.base_pitch
+
+    @property
+    def total_contact_ratio(self) -> float:
+        """eps_alpha + eps_beta."""
+        return self.contact_ratio + self.overlap_ratio
+
+    @property
     def pitch_point(self) -> float:
         """s of the pitch point, r_b1 tan alpha_w."""
         return self.pinion.base_radius * tan(self.pressure_angle)
@@ -151,7 +165,7 @@ class Pair:
 
     @property
     def contact_ratio(self) -> float:
-        """(s_E - s_A)/p_b, of the clipped path with operating values."""
+        """eps_alpha = (s_E - s_A)/p_b of the transverse section, of the clipped path with operating values."""
         return (self.path[1] - self.path[0]) / self.base_pitch
 
     def phase(self, s: float) -> float:
@@ -205,6 +219,20 @@ class Pair:
         return (*_gear_notices(self), *_path_notices(self), *_fit_notices(self), *_internal_notices(self))
 
 
+def _helices(one: Gear, two: Gear) -> tuple[str, str] | None:
+    """Message and remedy for helices that do not fit together."""
+    angles = [abs(degrees(gear.helix_angle)) for gear in (one, two)]
+    if abs(angles[0] - angles[1]) > 1e-7:
+        message = f"the helix angles differ: {angles[0]:.6g} and {angles[1]:.6g} deg"
+        return message, "give both gears the same helix_angle"
+    if angles[0] > 0 and (one.helix_angle > 0) != (two.helix_angle * two.sign < 0):
+        hands = ["right" if gear.helix_angle > 0 else "left" for gear in (one, two)]
+        rule = "opposite hands" if two.sign > 0 else "the same hand, as one of them is internal"
+        message = f"helical gears in mesh must have {rule}, not {hands[0]} and {hands[1]}"
+        return message, "change hand, or the sign of a helix_angle"
+    return None
+
+
 def _parts(pair: Pair) -> tuple[tuple[str, Gear], ...]:
     return (("pinion", pair.pinion), ("wheel", pair.wheel))
 
@@ -234,8 +262,8 @@ def _path_notices(pair: Pair) -> list[Notice]:
         radius, form = sqrt(gear.base_radius**2 + arm**2), tooth_profile(gear).form_radius
         if radius < form - small:
             found.append(Notice("fillet_contact", part, radius, form))
-    if pair.contact_ratio < 1:
-        found.append(Notice("contact_ratio", "pair", pair.contact_ratio, 1.0))
+    if pair.total_contact_ratio < 1:
+        found.append(Notice("contact_ratio", "pair", pair.total_contact_ratio, 1.0))
     return found
 
 

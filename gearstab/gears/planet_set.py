@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import acos, cos, pi, tan
 
 from gearstab.errors import NotPossible
-from gearstab.gears.geometry import involute
+from gearstab.gears.geometry import involute, transverse_angle
 from gearstab.gears.pair import Pair
 
 OVERLAP = 1e-3
@@ -45,7 +45,7 @@ class PlanetSet:
     def pitch_lag(self) -> float:
         """Return gamma_sr between the passages of the pitch points, in mesh periods from 0 to 1.
 
-            gamma_sr = (z_p - 1)/2 - [4 x_p tan alpha + z_p (2 inv alpha - inv alpha_ws - inv alpha_wr)]/2 pi   (mod 1)
+            gamma_sr = (z_p - 1)/2 - [4 x_p tan alpha_n + z_p (2 inv alpha_t - inv alpha_ws - inv alpha_wr)]/2 pi
 
         where the sun drives the planet, and the negative of it where the planet drives the sun: then the planet carries
         on its other flanks. Between both contacts it turns by half a turn less the halves of its teeth on both pitch
@@ -54,7 +54,7 @@ class PlanetSet:
         planet, at_sun, at_ring = self.sun.wheel, self.sun.pressure_angle, self.ring.pressure_angle
         alpha, z = planet.pressure_angle, planet.teeth
         halves = 4 * planet.profile_shift * tan(alpha)
-        halves += z * (2 * involute(alpha) - involute(at_sun) - involute(at_ring))
+        halves += z * (2 * involute(planet.transverse_angle) - involute(at_sun) - involute(at_ring))
         lag = (z - 1) / 2 - halves / (2 * pi)
         return _of_period(-lag if self.sun.wheel_drives else lag)
 
@@ -73,32 +73,40 @@ def _of_period(lag: float) -> float:
 
 
 def halfway(module: float, sun: int, ring: int) -> float:
-    """Return m (z_s + z_r)/4, halfway between the centre distances of standard teeth, which may differ, in metres."""
+    """Return m_t (z_s + z_r)/4, halfway between the centre distances of standard teeth, which may differ, in metres."""
     return module * (sun + ring) / 4
 
 
 def closing_shifts(
-    teeth: Mapping[str, int], module: float, alpha: float, centre: float, given: Mapping[str, float]
+    teeth: Mapping[str, int],
+    module: float,
+    alpha: float,
+    centre: float,
+    given: Mapping[str, float],
+    helix_angle: float = 0.0,
 ) -> dict[str, float]:
     """Return the profile shifts x of sun, planet and ring that leave no backlash at a centre distance (m).
 
-        x_s + x_p = (z_s + z_p) (inv alpha_ws - inv alpha)/(2 tan alpha),
-        x_r - x_p = (z_r - z_p) (inv alpha_wr - inv alpha)/(2 tan alpha)
+        x_s + x_p = (z_s + z_p) (inv alpha_ws - inv alpha_t)/(2 tan alpha),
+        x_r - x_p = (z_r - z_p) (inv alpha_wr - inv alpha_t)/(2 tan alpha)
 
-    given: those that are known; of others sun and planet have equal shares. Raises NotPossible at a distance at which
-    base circles touch.
+    module, alpha: of the normal section. given: those that are known; of others sun and planet have equal shares.
+    Raises NotPossible at a distance at which base circles touch.
     """
 
+    alpha_t = transverse_angle(alpha, helix_angle)
+
     def closing(z: int) -> float:
-        standard = module * z / 2
+        standard = module / cos(helix_angle) * z / 2
+        base = standard * cos(alpha_t)
         if abs(centre - standard) < 1e-12 * standard:
             return 0.0
-        if not centre > standard * cos(alpha):
+        if not centre > base:
             raise NotPossible(
-                f"centre_distance {centre:.6g} m must exceed {standard * cos(alpha):.6g} m, base to base",
+                f"centre_distance {centre:.6g} m must exceed {base:.6g} m, base to base",
                 "give another centre_distance",
             )
-        return z * (involute(acos(standard * cos(alpha) / centre)) - involute(alpha)) / (2 * tan(alpha))
+        return z * (involute(acos(base / centre)) - involute(alpha_t)) / (2 * tan(alpha))
 
     both, between = closing(teeth["sun"] + teeth["planet"]), closing(teeth["ring"] - teeth["planet"])
     if "planet" in given:

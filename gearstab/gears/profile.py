@@ -1,4 +1,4 @@
-"""The flank and fillet of a tooth as a rack with rounded tip cuts them, its area and the gear's inertia.
+"""The flank of a tooth, and the fillet of an external one as a rack with rounded tip cuts it.
 
 The tooth stands on the axis x = 0 of its own frame, y pointing outwards from the gear's centre; the half angle of the
 tooth at the radius r is that between its axis and its flank. The rounding of the rack's tip, a circle of radius
@@ -65,11 +65,7 @@ class ToothProfile:
 
     def involute(self, roll: Array | float) -> tuple[Array, Array, Array, Array]:
         """(x, y, dx/droll, dy/droll) on the involute; roll = tan of the profile angle."""
-        roll = np.asarray(roll, dtype=float)
-        # The string unwound by ``roll`` leaves the base circle at the angle ``turn`` to the tooth's axis.
-        turn, rb = self.gear.base_half_angle - roll, self.gear.base_radius
-        s, c = np.sin(turn), np.cos(turn)
-        return rb * (s + roll * c), rb * (c - roll * s), rb * roll * s, rb * roll * c
+        return flank(self.gear, roll)
 
     def outline(self, points: int = 60) -> tuple[Array, Array]:
         """(x, y) along one side of the tooth, root to tip, ``points`` each on the fillet and on the involute."""
@@ -78,12 +74,21 @@ class ToothProfile:
         return np.concatenate([low[0], high[0]]), np.concatenate([low[1], high[1]])
 
 
+def flank(gear: Gear, roll: Array | float) -> tuple[Array, Array, Array, Array]:
+    """(x, y, dx/droll, dy/droll) on the involute of an external or internal tooth; roll = tan of the profile angle."""
+    roll = np.asarray(roll, dtype=float)
+    # The string unwound by ``roll`` leaves the base circle at the angle ``turn`` to the tooth's axis.
+    turn, rb, along = gear.base_half_angle - gear.sign * roll, gear.base_radius, gear.sign * roll
+    s, c = np.sin(turn), np.cos(turn)
+    return rb * (s + along * c), rb * (c - along * s), rb * roll * s, rb * roll * c
+
+
 def _fillet(gear: Gear, gamma: Array | float) -> tuple[Array, Array, Array, Array]:
     gamma = np.asarray(gamma, dtype=float)
-    alpha, r = gear.pressure_angle, gear.radius
+    alpha, r = gear.transverse_angle, gear.radius
     rho = gear.rounding * gear.module
     centre_depth = gear.dedendum * gear.module - rho  # of the rounding below the rack's reference line
-    side = pi * gear.module / 4 - centre_depth * tan(alpha) - rho / cos(alpha)
+    side = pi * gear.transverse_module / 4 - centre_depth * tan(alpha) - rho / cos(alpha)
     depth = centre_depth - gear.profile_shift * gear.module
     # In the frame of the space between two teeth, with the rack's rounding ``ahead`` of the pitch point.
     ahead, ahead_rate = depth / np.tan(gamma), -depth / np.sin(gamma) ** 2
@@ -103,8 +108,8 @@ def tooth_profile(gear: Gear) -> ToothProfile:
     """
     if gear.internal:
         raise NotPossible("an internal gear has no fillet cut by a rack")
-    alpha = gear.pressure_angle
-    straight = gear.dedendum - gear.rounding * (1 - sin(alpha)) - gear.profile_shift
+    alpha = gear.transverse_angle
+    straight = gear.straight_depth - gear.profile_shift
     roll = tan(alpha) - straight * gear.module / (gear.radius * sin(alpha) * cos(alpha))
     end, undercut = alpha, roll < -1e-12
     if undercut:
@@ -125,7 +130,7 @@ def _undercut(gear: Gear) -> tuple[float, float]:
         flank = gear.base_half_angle - (roll - np.arctan(roll))
         return np.where(radius < gear.base_radius, -1.0, half - flank)
 
-    gamma = np.linspace(pi / 2, gear.pressure_angle, SCAN)
+    gamma = np.linspace(pi / 2, gear.transverse_angle, SCAN)
     outside = np.flatnonzero(gap(gamma) > 0)
     if not len(outside) or outside[0] == 0:
         raise NotPossible(f"the cut of a gear of {gear.teeth} teeth leaves no flank")

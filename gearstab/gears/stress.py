@@ -20,7 +20,7 @@ STEP = 1e-5  # of the fillet's parameter, for its curvature: 1e-9 relative
 
 
 def load_shares(pair: Pair, x: Array | float, model: StiffnessModel = PLAIN) -> tuple[Array, Array]:
-    """(s, share) of every pair of teeth at the phases x, ``(..., N)`` each; shares add up to 1, 0 out of contact."""
+    """(s, share) of every pair of spur teeth at the phases x, ``(..., N)`` each; shares add up to 1."""
     s, k = contact_stiffness(pair, x, model)
     return s, k / np.sum(k, axis=-1, keepdims=True)
 
@@ -94,13 +94,13 @@ def root_stress_factors(gear: Gear, roll: Array | float) -> tuple[Array, Array]:
 def root_stress(
     gear: Gear, roll: Array | float, force: Array | float, face_width: float | None = None, notch: bool = True
 ) -> Array:
-    """Stress at the root of a tooth that carries the normal force F, Pa; NaN for an internal gear.
+    """Stress at the root of a tooth that carries the normal force F, Pa; NaN for an internal or a helical gear.
 
     With ``notch``, that of ISO 6336-3, sigma_F0 = F cos alpha/(b m) Y_F Y_S. Without, the nominal stress on the loaded
     side of the same section, bending less compression: F [6 h_F cos beta/s_Fn^2 - sin beta/s_Fn]/b.
     """
     roll = np.asarray(roll, dtype=float)
-    if gear.internal:
+    if gear.internal or gear.helix_angle:
         return np.full(np.broadcast_shapes(roll.shape, np.shape(force)), np.nan)
     form, correction = root_stress_factors(gear, roll)
     b = gear.face_width if face_width is None else face_width

@@ -20,22 +20,21 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
     """All that ``info`` shows, as plain numbers, texts and lists; None where a number does not exist."""
     from gearstab.perturbation.second_order import SUPPORTS
     from gearstab.support import unsupported
-    from gearstab.systems import build, model_of
 
-    system = build(config.parameters)
+    system = config.system.build()
     asked = config.methods.perturbation
     theory = asked.order if asked and not unsupported(system, SUPPORTS) else 1
     order = harmonics or (asked.harmonics if asked else HARMONICS)
     sweep = {axis.name: axis.size for axis in config.axes}
-    orders = model_of(config.parameters).cycles_of_input(config.parameters)
+    orders = config.system.cycles_of_input(config.system)
     dangerous = danger.facts(config, system, order)
     nothing: dict[str, Any] = {"tongues": [], "existence_rule": None}
     return {
         "title": config.title,
         "kind": config.kind,
-        "formulation": config.parameters.get("formulation"),
+        "formulation": getattr(config.system, "formulation", None),
         "coordinates": list(system.coordinates),
-        "summary": model_of(config.parameters).summary(config.parameters),
+        "summary": config.system.summary(),
         "sweep": sweep,
         "frequency_range": _frequency_range(config),
         "unit": "" if "time" in system.dimensionless else "rad/s",
@@ -96,7 +95,7 @@ def _mesh(system: GearSystem, i: int, orders: float | None) -> dict[str, Any]:
         "name": mesh.name,
         "frequency_ratio": str(mesh.frequency_ratio),
         "order": None if orders is None else orders * float(mesh.frequency_ratio),
-        "waveform": next((name for name, kind in WAVEFORMS.items() if type(mesh.waveform) is kind), None),
+        "waveform": next((name for name, kind in reversed(WAVEFORMS.items()) if isinstance(mesh.waveform, kind)), None),
         "mean_stiffness": float(mesh.mean_stiffness),
         "epsilon": float(mesh.epsilon),
         "contact_ratio": None if contact_ratio is None else float(contact_ratio),
@@ -151,7 +150,7 @@ def _reductions(system: GearSystem) -> dict[str, Any]:
     """How exact Floquet analysis takes the system apart."""
     from dataclasses import asdict
 
-    from gearstab.floquet.report import reduction
+    from gearstab.floquet.dispatch import reduction
     from gearstab.floquet.segments.reduction import reduce
 
     found = reduction(system)

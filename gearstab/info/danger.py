@@ -225,7 +225,7 @@ def _held(trial: Trial, kind: str, given: dict[str, Any]) -> dict[str, Any]:
     if kind == "phasing":
         left_over = trial.phasing(given["number"], given["key"], given["value"])
     else:
-        groups = _alike(trial.system, trial.config.parameters.get("meshes"))
+        groups = _alike(trial.system, getattr(trial.config.system, "meshes", None))
         left_over = trial.contact_ratios({i: ratio for name, ratio in given.items() for i in groups[name]})
     if left_over is None or left_over > WORTHWHILE:
         return {}
@@ -248,7 +248,7 @@ def _advice(
     """Contact ratios, a phasing or tooth numbers that close a region to first order, those there are."""
     from gearstab.perturbation import remedies
 
-    meshes: Any = config.parameters.get("meshes")
+    meshes: Any = getattr(config.system, "meshes", None)
     advice: dict[str, Any] = {}
     groups = _alike(system, meshes)
     ratios = remedies.contact_ratios(system, found, list(groups.values()))
@@ -258,7 +258,7 @@ def _advice(
     if step is not None:
         allowed = _excluding(system, tongue, step[0])
         return advice | ({"sun_teeth_modulo": {"planets": step[0], "remainders": allowed}} if allowed else {})
-    best = remedies.phasing(found) if isinstance(meshes, list) else None
+    best = remedies.phasing(found) if isinstance(meshes, list | tuple) else None
     if (
         best is not None
         and best.left <= WORTHWHILE
@@ -266,7 +266,7 @@ def _advice(
     ):
         key, value = _phase(meshes[place], best.shift)
         left = 0.0 if best.closes else best.left
-        name = meshes[place]["name"]
+        name = meshes[place].name
         advice["phasing"] = {"mesh": name, "number": place, "key": key, "value": value, "leaves": left}
     return advice
 
@@ -282,13 +282,13 @@ def _alike(system: GearSystem, meshes: Any) -> dict[str, list[int]]:
 
 def _places(meshes: Any) -> dict[str, int]:
     """Places of the meshes in a list of the configuration, by name."""
-    return {mesh["name"]: k for k, mesh in enumerate(meshes)} if isinstance(meshes, list) else {}
+    return {mesh.name: k for k, mesh in enumerate(meshes)} if isinstance(meshes, list | tuple) else {}
 
 
-def _phase(mesh: dict[str, Any], shift: float) -> tuple[str, float]:
+def _phase(mesh: Any, shift: float) -> tuple[str, float]:
     """The key of a mesh that says when its wave begins, and the value that adds ``shift`` to its lag."""
-    key, sense = ("phasing", -1) if "phasing" in mesh else ("lag", 1)
-    return key, round((float(mesh.get(key, 0.0)) + sense * shift) % 1.0, 9) % 1.0
+    key, sense = ("phasing", -1) if hasattr(mesh, "phasing") else ("lag", 1)
+    return key, round((float(getattr(mesh, key, 0.0)) + sense * shift) % 1.0, 9) % 1.0
 
 
 def _excluding(system: GearSystem, tongue: Tongue, planets: int) -> list[int]:

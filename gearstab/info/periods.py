@@ -13,15 +13,13 @@ if TYPE_CHECKING:
 
 def common_period(system: GearSystem) -> dict[str, Any] | None:
     """Describe the common period of all meshes; None where there is none."""
-    from gearstab.floquet.frequencies import choice
-    from gearstab.floquet.segments.pattern import prepare
+    from gearstab.floquet.frequencies import period as periods
 
-    period = choice.common_period(system)
+    period = periods.common_period(system)
     if period is None:
         return None
     segments, states = (period.segments if system.piecewise_constant else None), None
-    if segments is not None and segments <= choice.AFFORDABLE and not system.general:
-        (pattern,) = prepare(system)
+    if (pattern := periods.exact_pattern(system)) is not None:
         segments, states = len(pattern.states), pattern.stiffness.shape[1]
     return {
         "in_periods_of_omega": period.cycles,
@@ -33,13 +31,11 @@ def common_period(system: GearSystem) -> dict[str, Any] | None:
 
 def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
     """Return the strategy of exact stability for several mesh frequencies; None for a single one."""
-    from gearstab.methods.floquet import Floquet, FloquetOptions
+    from gearstab.methods.floquet import Floquet
 
     if len(set(system.frequency_ratios)) < 2:
         return None
-    options = config.methods.floquet or FloquetOptions()
-    whole = Floquet(options.model_copy(update={"modes": None, "block": None, "exponents": False}), system)
-    return {"chosen": whole.outlook()}
+    return {"chosen": Floquet.whole(config.methods.floquet, system).outlook()}
 
 
 NEXT = 3

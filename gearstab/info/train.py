@@ -34,27 +34,26 @@ def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
     import numpy as np
 
     from gearstab.response.linear.equilibrium import static_mesh_force
-    from gearstab.systems import train_of
 
-    train = train_of(config.parameters)
+    train = config.system.train()
     if train is None:
         return None
     from gearstab.systems.gearbox.build import torques
 
     loaded = system.load is not None
     forces = np.abs(static_mesh_force(system)) if loaded else np.full(len(system.whole_meshes), np.nan)
-    speed = (config.parameters.get("input") or {}).get("speed")
+    speed = train.p.input.speed
     applied = {rotor: float(value) for rotor, value in torques(train).items()}
     return {
         "speed": None if speed is None else float(speed),
         "rotors": [_rotor(train, k, applied.get(train.name(k))) for k in range(len(train.rotors))],
         "shafts": _shafts(train),
-        "sets": [_set(train, item, applied.get(config.parameters["input"]["rotor"])) for item in train.sets],
+        "sets": [_set(train, item, applied.get(train.p.input.rotor)) for item in train.sets],
         "meshes": [
             _mesh(train, mesh, float(force) if loaded else None, speed)
             for mesh, force in zip(train.meshes, forces, strict=True)
         ],
-        "input": config.parameters["input"]["rotor"],
+        "input": train.p.input.rotor,
         "energy_share": _shares(train, system),
     }
 

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gearstab.config import Config
+from gearstab.config.model.axes import replaced
 from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.frequencies.choice import common_period
-from gearstab.floquet.general.mean import mean_motions
+from gearstab.floquet.frequencies.period import common_period
+from gearstab.floquet.general.mean import frequencies_beyond_modes
 from gearstab.modal import modal_damping_matrix, modal_damping_ratios
 from gearstab.perturbation.tongues import Tongue
 from gearstab.symmetry import natural_modes
 from gearstab.system import Array, GearSystem
-from gearstab.systems import build
 
 AFFORDABLE = 2e7
 """Multiplications of a monodromy matrix, segments times (2 n)^3, up to which regions are decided: a search takes some
@@ -79,9 +78,8 @@ def window(system: GearSystem, tongue: Tongue, half_width: float) -> tuple[float
     center = float(total) / tongue.frequency_ratio
     epsilon = max(float(mesh.epsilon) for mesh in system.meshes)
     moved = 0.25 * epsilon**2 * center + 2 * half_width
-    if system.general:
-        whole = mean_motions(system).frequency_by_mode[0, modes]
-        moved += float(np.abs(whole - natural).sum()) / tongue.frequency_ratio
+    if (whole := frequencies_beyond_modes(system)) is not None:
+        moved += float(np.abs(whole[0, modes] - natural).sum()) / tongue.frequency_ratio
     moved = min(moved, MOST_SHIFT * center)
     return center - moved, center + moved
 
@@ -205,9 +203,7 @@ class Trial:
 
     def phasing(self, mesh: int, key: str, value: float) -> float | None:
         """Return what another phase in the configuration leaves: the key of a mesh set to a value."""
-        p = deepcopy(self.config.parameters)
-        p["meshes"][mesh][key] = value
-        return self.left(build(p))
+        return self.left(replaced(self.config.system, ("meshes", mesh, key), value).build())
 
     def _with_meshes(self, change: Callable[[int, Any], Any]) -> GearSystem:
         return replace(self.system, meshes=tuple(change(i, mesh) for i, mesh in enumerate(self.system.meshes)))

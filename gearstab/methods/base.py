@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gearstab.config.document.yaml import Document
     from gearstab.config.model.axes import Axis
     from gearstab.perturbation import Tongue
+    from gearstab.systems.base import System
     from gearstab.tolerance.design import SamplingDesign
 
 POINTS, RANGE = "points", "range"
@@ -118,11 +119,9 @@ class Method(ABC):
         """Return the same method for another system, or a batch of systems."""
         return type(self)(self.options, system)
 
-    def made_of(self, parameters: Mapping[str, Any]) -> Method:
-        """Return the same method for the system of these parameters, the section ``system``."""
-        from gearstab.systems import build
-
-        return self.of(build(dict(parameters)))
+    def made_of(self, section: System) -> Method:
+        """Return the same method for the system of a section ``system``."""
+        return self.of(section.build())
 
     @property
     def left_out(self) -> str:

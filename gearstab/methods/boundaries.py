@@ -50,7 +50,7 @@ class BoundaryAnalysis(TongueMethod, Restricted):
     name = "boundaries"
     reused = True
     Options = BoundariesOptions
-    supports = frozenset({Feature.PERIODIC_TERMS})
+    supports = frozenset({Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION})
     frequency = RANGE
     relief = (
         "narrow the range of mesh_frequency, take ratios of smaller numbers, or remove it: floquet on a fine grid "

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from gearstab.config.document.yaml import Document
     from gearstab.response.branches.sections import SectionMap
+    from gearstab.systems.base import System
 
 
 class BranchesOptions(Section):
@@ -172,7 +173,7 @@ class AxisBranches(BranchAnalysis):
     """The same along another axis, at every mesh frequency; the results do not stand over that axis."""
 
     frequency = POINTS
-    parameters: Mapping[str, Any]
+    section: System
 
     @property
     def left_out(self) -> str:
@@ -186,22 +187,20 @@ class AxisBranches(BranchAnalysis):
             for v in super().variables()
         )
 
-    def made_of(self, parameters: Mapping[str, Any]) -> Method:
-        found = super().made_of(parameters)
+    def made_of(self, section: System) -> Method:
+        found = super().made_of(section)
         assert isinstance(found, AxisBranches)
-        found.parameters = parameters
+        found.section = section
         return found
 
     def at(self, value: float) -> GearSystem:
         """Return the system at a value of the axis, between its points by straight lines."""
-        from gearstab.systems import build
-
-        axis, parameters = self.options.axis, self.parameters
+        axis, section = self.options.axis, self.section
         order = np.argsort(axis.values)
         for item in axis.assignments:
             number = np.interp(value, np.asarray(axis.values)[order], np.asarray(item.values)[order])
-            parameters = replaced(parameters, item.path, float(number))
-        return build(dict(parameters))
+            section = replaced(section, item.path, float(number))
+        return section.build()
 
     def run(self, mesh_frequency: Array) -> Outcome:
         from gearstab.response.branches.sections import SectionMap

@@ -122,6 +122,12 @@ class Floquet(Restricted):
     def on(cls, options: Any, system: GearSystem) -> Method:
         return (Orbits if system.formulations else cls)(options, system)
 
+    @classmethod
+    def whole(cls, options: FloquetOptions | None, system: GearSystem) -> Floquet:
+        """Return the analysis of all modes of a system, with the growth rate alone, by the options of a sweep."""
+        plain = {"modes": None, "block": None, "exponents": False, "certificate": False}
+        return cls((options or FloquetOptions()).model_copy(update=plain), system)
+
     @cached_property
     def basis(self) -> Array | None:
         """Return the subspace to which the options restrict the system, None where they do not. Raises NotPossible."""
@@ -150,11 +156,11 @@ class Floquet(Restricted):
 
     def variables(self) -> tuple[Variable, ...]:
         from gearstab.floquet import STATUS_FLAGS
+        from gearstab.floquet.dispatch import exact
 
         more: tuple[Variable, ...] = EXPONENTS if self.options.exponents else ()
-        exact = self.part.piecewise_constant and not self.part.general
         # An interval says more of a Lyapunov exponent, and the error of the steps is part of it.
-        estimate = () if exact or self.strategy.name == "lyapunov" else (ERROR_ESTIMATE,)
+        estimate = () if exact(self.part) or self.strategy.name == "lyapunov" else (ERROR_ESTIMATE,)
         by_strategy = {"per_mesh": BY_MESH, "lyapunov": INTERVAL}.get(self.strategy.name, ())
         certified = (CERTIFIED,) if self.options.certificate else ()
         return (*flagged(FLOQUET, STATUS_FLAGS), *estimate, *more, *by_strategy, *certified)
@@ -196,15 +202,15 @@ class Floquet(Restricted):
         from gearstab.floquet import solve
         from gearstab.floquet.frequencies import lyapunov, per_mesh
 
-        def exact(system: GearSystem, omega: Array) -> FloquetStability:
+        def by_period(system: GearSystem, omega: Array) -> FloquetStability:
             return solve(system, omega, exponents=self.options.exponents, tolerance=self.options.tolerance)
 
         if self.strategy.name == "per_mesh":
-            return per_mesh.solve(self.part, mesh_frequency, exact)
+            return per_mesh.solve(self.part, mesh_frequency, by_period)
         if self.strategy.name == "lyapunov":
             asked = self.options.lyapunov
             return lyapunov.solve(self.part, mesh_frequency, asked.cycles, asked.confidence, asked.seed)
-        return exact(self.part, mesh_frequency)
+        return by_period(self.part, mesh_frequency)
 
     def cost(self) -> float:
         from gearstab.floquet.frequencies import apart
@@ -217,23 +223,23 @@ class Floquet(Restricted):
 
     def _exact_cost(self, system: GearSystem) -> float:
         """Of a system with a common period."""
-        from gearstab.floquet.report import reduction
+        from gearstab.floquet.dispatch import reduction
 
         return reduction(system).cost * (5 if self.options.exponents or system.damped else 1)
 
     def _segments(self) -> float:
         """In the window of a Lyapunov exponent."""
-        from gearstab.floquet.frequencies import choice, lyapunov
+        from gearstab.floquet.frequencies import lyapunov, period
         from gearstab.floquet.smooth.schemes import CF6_5
 
         cycles = lyapunov.length(self.part, self.options.lyapunov.cycles)
         if self.part.piecewise_constant:
-            return choice.segments_a_cycle(self.part) * cycles
+            return period.segments_a_cycle(self.part) * cycles
         return 2 * lyapunov.FEWEST_STEPS * CF6_5.exponentials * cycles * max(map(float, self.part.frequency_ratios))
 
     def report(self) -> Mapping[str, Any]:
         """Return what of the system was solved, and what that saved."""
-        from gearstab.floquet.report import reduction
+        from gearstab.floquet.dispatch import reduction
 
         found = reduction(self.part)
         said: dict[str, Any] = {"reduction": found.text()}
@@ -273,11 +279,11 @@ class Floquet(Restricted):
 
     def outlook(self) -> str | None:
         """Return the strategy, with the distinct states of a common period or the length of the window."""
-        from gearstab.floquet.report import reduction
+        from gearstab.floquet.dispatch import exact, reduction
 
         if not self.strategy.several:
             return None
-        if self.strategy.name == "common_period" and self.part.piecewise_constant and not self.part.general:
+        if self.strategy.name == "common_period" and exact(self.part):
             states = max((part.states for part in reduction(self.part).parts), default=1)
             return f"{self.strategy.reason}, {states} distinct states"
         if self.strategy.name == "lyapunov":

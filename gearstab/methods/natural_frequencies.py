@@ -39,7 +39,9 @@ class NaturalFrequencies(Method):
         return ROWS
 
     def variables(self) -> tuple[Variable, ...]:
-        return NATURAL_FREQUENCIES_WITH_TERMS if self.system.general else NATURAL_FREQUENCIES
+        from gearstab.floquet.dispatch import in_modes
+
+        return NATURAL_FREQUENCIES if in_modes(self.system) else NATURAL_FREQUENCIES_WITH_TERMS
 
     def constants(self) -> Mapping[str, Any]:
         from gearstab.results.provenance import coordinate_names

@@ -84,8 +84,8 @@ class DampingAnalysis(Method):
         return Outcome({"required_damping": np.max([one.value for one in found], axis=0), "status": status})
 
     def cost(self) -> float:
+        from gearstab.floquet.dispatch import reduction
         from gearstab.floquet.frequencies import apart
-        from gearstab.floquet.report import reduction
 
         exact = self.strategy.name == "common_period"
         systems = [self.system] if exact else [system for system, _ in apart(self.system)]

@@ -79,7 +79,7 @@ def draw(
     name = kind or default_kind(tree, wanted)
     if name not in KINDS:
         raise PlotError(f"no kind {name!r}; the kinds: {listed(KINDS)}")
-    with style():
+    with style(wanted.style):
         figure, artists = KINDS[name].draw(tree, wanted)
     if wanted.marks and "marks" not in artists:
         raise PlotError(f"the kind {name} marks no points: leave --mark out, or choose --kind map or boundaries")

@@ -112,7 +112,7 @@ def slices(tree: xr.DataTree, request: Request) -> tuple[FigureAxis | None, list
 def picture(tree: xr.DataTree, request: Request, axis: FigureAxis | None) -> str:
     """Return the first slice as a PNG file in base 64."""
     first = {} if axis is None else {axis.name: axis.text(0)}
-    with style():
+    with style(request.style):
         figure, _ = stability_map.draw(tree, replace(request, select={**request.select, **first}, size="double"))
         data = io.BytesIO()
         figure.savefig(data, format="png", dpi=150, metadata={"Software": "gearstab"})

@@ -18,7 +18,7 @@ a double exponent of zero, which rounding makes grow.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,12 +119,12 @@ class ModalMatrices:
         return [self.damping, *(matrix for on_velocity, matrix in self.parts if on_velocity), *turning]
 
     def turned(self, turn: Array) -> ModalMatrices:
-        """The same in other modes, Phi T with T ``(n, n)`` orthogonal, which leaves elastic modes as they are."""
-        own = {name: turn.T @ getattr(self, name) @ turn for name in ("static", "damping")}
-        parts = [(on_velocity, turn.T @ matrix @ turn) for on_velocity, matrix in self.parts]
+        """The same in other modes, Phi T with T ``(r, n, n)`` orthogonal, which leaves elastic modes as they are."""
+        back = np.swapaxes(turn, -1, -2)
+        own = {name: back @ getattr(self, name) @ turn for name in ("static", "damping")}
+        parts = [(on_velocity, back @ matrix @ turn) for on_velocity, matrix in self.parts]
         turning, drift = (
-            [replace(term, matrix=turn.T @ term.matrix @ turn) for term in terms]
-            for terms in (self.turning, self.drift)
+            [replace(term, matrix=back @ term.matrix @ turn) for term in terms] for terms in (self.turning, self.drift)
         )
         return replace(self, shapes=self.shapes @ turn, parts=parts, turning=turning, drift=drift, **own)
 
@@ -213,6 +213,12 @@ class FirstOrder:
     def subset(self, index: Array) -> FirstOrder:
         """Some of the rows, by position."""
         return replace(self, **{name: part[index] for name, part in vars(self).items() if part is not None})
+
+    @classmethod
+    def joined(cls, parts: Sequence[FirstOrder]) -> FirstOrder:
+        """All rows of several that have the same coordinates and laws."""
+        given = [name for name, own in vars(parts[0]).items() if own is not None]
+        return replace(parts[0], **{name: np.concatenate([getattr(part, name) for part in parts]) for name in given})
 
     def at_speeds(self, at: Array, speed: Array) -> FirstOrder:
         """Return a row for each of the speeds ``(K,)`` that rows ``at`` (K,) have, with what goes with it in A."""

@@ -9,9 +9,6 @@ import numpy as np
 from gearstab import ckernel
 from gearstab.system import Array
 
-SHORT = 100.0
-"""Size of a step (1-norm) below which no growth is taken out of it: exp of that is far from overflow."""
-
 
 @dataclass(frozen=True)
 class MagnusSteps:
@@ -24,30 +21,15 @@ class MagnusSteps:
     coefficients: Array
     length: Array
 
-    def growth(self, longest: float) -> Array:
-        """``(S,)``: the fastest growth in each step, 1/time; 0 where steps are short at the longest of the periods.
-
-        Without it a long segment neither overflows nor underflows.
-        """
-        rates = self.coefficients[:, 0]
-        size = np.abs(rates).sum(axis=-2).max(axis=-1, initial=0.0) * self.length * longest
-        long = np.flatnonzero(size > SHORT)
-        growth = np.zeros(len(rates))
-        growth[long] = np.linalg.eigvals(rates[long]).real.max(
-            axis=-1, initial=0.0 if rates.shape[-1] == 0 else -np.inf
-        )
-        return growth
-
 
 def propagated(steps: MagnusSteps, period: Array, matrix: Array, scale: Array) -> tuple[Array, Array]:
     """Return what the steps make of matrices times exp(scale) at periods ``(P,)``, as such products again.
 
     The new matrices have entries of about one. matrix: ``(P, m, m)``. scale: ``(P,)``.
     """
-    growth = steps.growth(float(np.max(period, initial=0.0)))
     if matrix.shape[-1] == 0:
         return matrix, scale
-    return ckernel.magnus_steps(steps.coefficients, steps.length, growth, period, matrix, scale)
+    return ckernel.magnus_steps(steps.coefficients, steps.length, period, matrix, scale)
 
 
 def eigenvalues(matrix: Array) -> Array:

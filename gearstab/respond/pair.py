@@ -20,7 +20,6 @@ from gearstab.results.units import in_brackets, unit_of
 from gearstab.results.variables import flagged
 from gearstab.results.variables.responses import PAIR_RESPONSE
 from gearstab.rotating_pair import RotatingPair
-from gearstab.systems import build
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -32,7 +31,7 @@ MOST_SAMPLES, BYTES = 20_000_000, 64
 
 def response(config: Config, wanted: PairRespond) -> tuple[PairResponse, ResultTree]:
     """Compute the response, and the result to be written; raises ConfigError."""
-    pair = cast(RotatingPair, build(config.parameters))
+    pair = cast(RotatingPair, config.system.build())
     speed = wanted.speed * pair.numbers.teeth[0]
     step = tau / speed / wanted.samples_per_cycle
     _affordable(config, wanted, speed)

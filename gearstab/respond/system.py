@@ -30,7 +30,6 @@ from gearstab.results.units import in_brackets, in_units_of
 from gearstab.results.variables import flagged
 from gearstab.results.variables.responses import BACKLASH_RESPONSE, RESPONSE, TOOTH_LOADS
 from gearstab.system import GearSystem, shared_period
-from gearstab.systems import build, model_of
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -51,7 +50,7 @@ def response(
     config: Config, wanted: Respond, say: Callable[[str], None] | None = None
 ) -> tuple[Response | RampResponse, ResultTree]:
     """Compute the response, and the result to be written; say: is told what takes long. Raises ConfigError."""
-    system = build(config.parameters)
+    system = config.system.build()
     try:
         _affordable(config, wanted, system)
         if say is not None and (long := _effort(config, wanted, system)) is not None:
@@ -207,7 +206,7 @@ def _tree(
     if system.load is not None:
         common["static_mesh_force"] = static_mesh_force(system)
     said = ("status", "mesh_frequency", "common_period", "growth_rate", "largest_multiplier")
-    cycles = model_of(config.parameters).cycles_of_input(config.parameters)
+    cycles = config.system.cycles_of_input(config.system)
     table = with_orders(in_units_of(system, table), None if cycles is None else found.mesh_frequency / cycles)
     fields = fields_of(table, {**common, **values, **_spectral(wanted, system, found)})
     shafts = weak_shafts(system)

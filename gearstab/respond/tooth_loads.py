@@ -43,8 +43,7 @@ def values(config: Config, wanted: Respond, system: GearSystem, found: Response)
 def teeth(config: Config) -> list[LoadedTeeth]:
     """Return those of all meshes, none of a system that is not computed from its teeth."""
     from gearstab.response.measures.tooth_loads import LoadedTeeth
-    from gearstab.systems import train_of
 
-    train = train_of(config.parameters)
+    train = config.system.train()
     meshes = [] if train is None else train.meshes
     return [LoadedTeeth(mesh.teeth.pairs[0], mesh.teeth.models[0], mesh.gears) for mesh in meshes]

@@ -90,6 +90,10 @@ def _chosen(groups: Mapping[str, xr.Dataset], wanted: Sequence[str]) -> dict[str
         for name, attrs in known.items()
         if "display_units" in attrs and SI not in wanted
     }
+    # Whoever types speeds in rpm or Hz reads frequencies in Hz.
+    own = str(known.get(SPECTRAL, {}).get("units"))
+    if own == "rad/s" and any(name in SPEEDS for name in found):
+        found.setdefault(SPECTRAL, ("Hz", scale("Hz", own)))
     for text in wanted:
         axis, _, unit = (part.strip() for part in text.rpartition("="))
         fitting = {name: one for name in known if axis in ("", name) and (one := _scale_of(unit, known[name]))}

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gearstab.errors import SettingError
-from gearstab.floquet.general.mean import mean_motions
+from gearstab.floquet.general.mean import frequencies_beyond_modes
 from gearstab.modal import Modes
 from gearstab.results.display import RATIOS
 from gearstab.results.tree import Group, fields_of
@@ -68,20 +68,22 @@ def root_attributes(command: str, config: Origin) -> dict[str, Any]:
 def modes_group(system: GearSystem) -> Group:
     """The group ``/modes`` of a single system."""
     modes = natural_modes(system)
-    table: tuple[Variable, ...] = MODES_WITH_TERMS if system.general else MODES
+    frequencies = mode_frequencies(system, modes)
+    beyond = "symmetric_frequency" in frequencies
+    table: tuple[Variable, ...] = MODES_WITH_TERMS if beyond else MODES
     values = {
         "mode": np.arange(1, system.size + 1),
         "dof": coordinate_names(system),
         "dof_units": list(system.coordinate_units),
         "mesh": [mesh.name for mesh in system.whole_meshes],
-        **mode_frequencies(system, modes),
+        **frequencies,
         "mode_shape": np.swapaxes(modes.shapes, -1, -2),
         "mesh_deflection": modes.mesh_deflection[..., : len(system.whole_meshes)],
         "mode_type": type_names(system, modes),
     }
     if system.symmetries:
         table, values = (*table, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
-    part = "symmetric mean system, with the frequencies of the whole one," if system.general else "mean system"
+    part = "symmetric mean system, with the frequencies of the whole one," if beyond else "mean system"
     said = {
         "comment": f"modes of the {part} at the base values of the configuration",
         RATIOS: [float(mesh.frequency_ratio) for mesh in system.whole_meshes],
@@ -92,10 +94,9 @@ def modes_group(system: GearSystem) -> Group:
 def mode_frequencies(system: GearSystem, modes: Modes) -> dict[str, Array]:
     """Return the frequencies of a table of modes by name: with terms both damped ones and those of the shapes."""
     own = modes.natural_frequency
-    if not system.general:
+    if (damped := frequencies_beyond_modes(system)) is None:
         return {"natural_frequency": own}
-    damped = mean_motions(system).frequency_by_mode.reshape(*system.batch, system.size)
-    return {"natural_frequency": damped, "symmetric_frequency": own}
+    return {"natural_frequency": damped.reshape(*system.batch, system.size), "symmetric_frequency": own}
 
 
 def coordinate_names(system: GearSystem) -> list[str]:

@@ -22,14 +22,13 @@ from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import union_length
 from gearstab.certificates.stored import unpacked
 from gearstab.certificates.verifier import Certificate, proves
-from gearstab.config import Config, ConfigError, load, parameters_at
+from gearstab.config import Config, ConfigError, load
 from gearstab.config.document.yaml import parse
 from gearstab.errors import ResultError
 from gearstab.results.output import write_bytes
 from gearstab.results.read import attributes, reading
 from gearstab.sweep.plan import Plan, plan
 from gearstab.sweep.reporter import Reporter
-from gearstab.systems import build
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -135,7 +134,7 @@ def _systems(planned: Plan, found: xr.Dataset) -> Iterator[tuple[tuple[int, ...]
     """Of each row its place, its values on the axes, its system."""
     for place in np.ndindex(*(axis.size for axis in planned.row_axes)):
         index = dict(zip(planned.rows, place, strict=True))
-        system = build(parameters_at(planned.config, {name: np.array([k]) for name, k in index.items()}))
+        system = planned.config.at({name: np.array([k]) for name, k in index.items()}).build()
         yield place, {name: found[name].values[k] for name, k in index.items()}, segments(system)[0]
 
 

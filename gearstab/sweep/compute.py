@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.config import alike, parameters_at
+from gearstab.config import alike
 from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
 from gearstab.results.chunks import encode
 from gearstab.results.variables import GRID, ROWS, Variable
@@ -15,7 +15,6 @@ from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.sampled import run_sampled
 from gearstab.sweep.storage.parts import FinishedBlock, places_of
 from gearstab.system import Array
-from gearstab.systems import build
 
 
 def compute(plan: Plan, block: GridBlock, taken: Outcome | None = None) -> FinishedBlock:
@@ -116,9 +115,9 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
     elif layout.method.frequency == RANGE:
         frequency = np.array(plan.mesh_frequency_range)
     if layout.method.singly:
-        parameters = parameters_at(plan.config, {name: index[0] for name, index in rows.items()})
+        parameters = plan.config.at({name: index[0] for name, index in rows.items()})
         return layout.method.made_of(parameters).run(np.ravel(frequency))
-    system = build(parameters_at(plan.config, varied(rows)))
+    system = plan.config.at(varied(rows)).build()
     if frequency.ndim == 2 and system.batch != (count,):
         # Nothing but the mesh frequency differs from row to row.
         system = system.over((count,))

@@ -26,7 +26,6 @@ from gearstab.results.variables import Variable
 from gearstab.sweep import teeth
 from gearstab.sweep.storage.taken import Taken
 from gearstab.system import Array, GearSystem
-from gearstab.systems import build
 from gearstab.version import __version__
 
 MOST = 1 << 20
@@ -192,7 +191,7 @@ def plan(config: Config) -> Plan:
     """
     if not config.axes or not config.methods.chosen:
         raise ValueError("a sweep needs axes and methods")
-    base = build(config.parameters)
+    base = config.system.build()
     check(config, base)
     fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [MESH_FREQUENCY]), None)
     layouts = tuple(_layout(config, fast, method) for method in chosen(config.methods, base))

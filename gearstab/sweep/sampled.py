@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.config import parameters_at
 from gearstab.methods import RANGE, Outcome, SampledMethod
 from gearstab.sweep.plan import Plan
 from gearstab.system import Array
-from gearstab.systems import build
 from gearstab.tolerance.design import correlated
 
 
@@ -24,7 +22,7 @@ def run_sampled(plan: Plan, method: SampledMethod, rows: dict[str, Array], count
         every = np.tile(points, (size, 1))
         # The samples of a row are next to each other.
         chosen = {name: np.repeat(index[part], len(points)) for name, index in rows.items()}
-        system = build(uncertain.sampled(parameters_at(plan.config, chosen), every))
+        system = uncertain.sampled(plan.config.at(chosen), every).build()
         batch = method.of(system.over((len(every),)))
         if method.frequency == RANGE:
             return batch.run(np.array(plan.mesh_frequency_range))

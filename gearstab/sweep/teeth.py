@@ -7,7 +7,7 @@ from math import prod
 
 import numpy as np
 
-from gearstab.config import Axis, Config, alike, parameters_at
+from gearstab.config import Axis, Config, alike
 from gearstab.results.tree import Group, fields_of
 from gearstab.results.variables import flagged
 from gearstab.results.variables.responses import TEETH
@@ -31,9 +31,7 @@ class ToothNotices:
 
 def over_grid(config: Config, row_axes: tuple[Axis, ...], base: GearSystem) -> ToothNotices | None:
     """Look at the teeth of every geometry of the grid; None for systems that are not given by their teeth."""
-    from gearstab.systems import train_of
-
-    if train_of(config.parameters) is None:
+    if config.system.train() is None:
         return None
     from gearstab.systems.gearbox.notices import GEOMETRY, notice_flags
 
@@ -45,7 +43,7 @@ def over_grid(config: Config, row_axes: tuple[Axis, ...], base: GearSystem) -> T
     flags = np.zeros((prod(shape), len(meshes)), dtype=np.int16)
     for members in alike(axes, rows, len(flags)):
         chosen = {name: places[members] for name, places in rows.items()}
-        flags[members] = notice_flags(parameters_at(config, chosen))
+        flags[members] = notice_flags(config.at(chosen))
     return ToothNotices(axes, flags.reshape(*shape, len(meshes)), meshes)
 
 

@@ -6,17 +6,16 @@ of its parameters; :class:`~gearstab.systems.base.System` says what it may overr
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, get_args
 
 from gearstab.config.model.fields import ShortName
-from gearstab.config.model.introspection import bare, field_types, is_model, short_name
+from gearstab.config.model.introspection import bare, constructed, field_types, is_model, short_name
 from gearstab.lazy import LazyTable
 from gearstab.system import GearSystem
 
 if TYPE_CHECKING:
     from gearstab.systems.base import System
-    from gearstab.systems.gearbox.train import Train
 
 KINDS: LazyTable[type[System]] = LazyTable(
     {
@@ -28,11 +27,6 @@ KINDS: LazyTable[type[System]] = LazyTable(
     }
 )
 """By name, ``system.kind`` of a configuration; a kind is imported when it is used."""
-
-
-def model_of(parameters: dict[str, Any]) -> type[System]:
-    """Return the class of a system from its section, as written or as parameters."""
-    return KINDS[parameters["kind"]].variant(parameters)
 
 
 def short_names() -> dict[str, ShortName]:
@@ -53,18 +47,17 @@ def short_names_of(model: type[System]) -> dict[str, ShortName]:
     return found
 
 
-def build(parameters: dict[str, Any]) -> GearSystem:
-    """Build the system of a validated section ``system``, any number of which may be an array of batch shape.
+def section(numbers: Mapping[str, Any]) -> System:
+    """Return the section ``system`` of plain numbers in SI units, any of which may be an array of batch shape.
 
-    With ``units: none`` nothing in it has a unit.
+    Nothing is checked, as in a batch of numbers that were checked before.
     """
-    system = model_of(parameters).build(parameters)
-    return replace(system, dimensionless=("mass", "length", "time")) if parameters.get("units") == "none" else system
+    return constructed(KINDS[numbers["kind"]].variant(dict(numbers)), numbers)
 
 
-def train_of(parameters: dict[str, Any]) -> Train | None:
-    """Return the train of gears whose teeth a system is computed from; None for other systems."""
-    return model_of(parameters).train(parameters)
+def build(system: System | Mapping[str, Any]) -> GearSystem:
+    """Build the gear system of a section, or of the same as plain numbers: see :func:`section`."""
+    return (section(system) if isinstance(system, Mapping) else system).build()
 
 
-__all__ = ["KINDS", "build", "model_of", "short_names", "short_names_of", "train_of"]
+__all__ = ["KINDS", "build", "section", "short_names", "short_names_of"]

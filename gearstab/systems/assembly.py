@@ -85,7 +85,7 @@ class MeshElement:
     p: its parameters, complete. row: its deflection. frequency_ratio, lag: as in :class:`gearstab.system.Mesh`.
     """
 
-    p: dict[str, Any]
+    p: Any
     row: Row
     frequency_ratio: Fraction | float = Fraction(1)
     lag: Any = 0.0
@@ -109,7 +109,7 @@ class Assembly:
         parts = [(element.row, getattr(element, what)) for element in self.elements]
         return self.coordinates.stamped([(row, value) for row, value in parts if np.any(value)])
 
-    def system(self, p: dict[str, Any], load: Row | None = None, **more: Any) -> GearSystem:
+    def system(self, p: Any, load: Row | None = None, **more: Any) -> GearSystem:
         """Return the system with the damping and forces of the section ``p``. load: constant forces; more: fields."""
         place = self.coordinates
         meshes = tuple(replace(item.wave, direction=place.vector(item.row)) for item in self.meshes)

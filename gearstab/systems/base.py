@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import Field
 
@@ -76,10 +76,18 @@ class System(Section):
         description="Admit variations that make a mesh's softer level zero or negative, as no teeth can be.",
     )
 
-    @classmethod
-    def build(cls, p: dict[str, Any]) -> GearSystem:
-        """Build the system; any number of ``p`` may be an array of batch shape, so that every number can be an axis."""
+    def build(self) -> GearSystem:
+        """Build the gear system; with ``units: none`` nothing in it has a unit."""
+        system = self.equations()
+        return replace(system, dimensionless=("mass", "length", "time")) if self.units == "none" else system
+
+    def equations(self) -> GearSystem:
+        """Return the equations of motion; any number of the section may be an array of batch shape, as of an axis."""
         raise NotImplementedError
+
+    def with_files(self, contents: Mapping[str, Array]) -> Self:
+        """Return the section with what the files named in it hold."""
+        return self
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
@@ -94,7 +102,7 @@ class System(Section):
         return Respond
 
     @classmethod
-    def turning(cls, raw: dict[str, Any]) -> Sequence[bool] | None:
+    def turning(cls, raw: Any) -> Sequence[bool] | None:
         """Tell which coordinates are rotations in rad, others being displacements in m; None where it is unknown."""
         return [False] * (cls.size(raw) or 0)
 
@@ -117,8 +125,7 @@ class System(Section):
         """Return the whole path of a parameter that may be named in short."""
         return parts
 
-    @classmethod
-    def train(cls, p: dict[str, Any]) -> Train | None:
+    def train(self) -> Train | None:
         """Return the train whose teeth the system is computed from; None where no teeth are known."""
         return None
 
@@ -132,19 +139,16 @@ class System(Section):
         """Return what yields the contradictions in a mesh."""
         return cls.mesh_model.conflicts
 
-    @classmethod
-    def check_feasible(cls, document: Document, grid: Grid) -> None:
+    def check_feasible(self, document: Document, grid: Grid[Any]) -> None:
         """Report what cannot exist somewhere on the grid, or at the base values where a response asks for them."""
         feasibility.check_mesh_levels(document, grid)
-        feasibility.check_symmetric(document, grid.parameters)
+        feasibility.check_symmetric(document, grid.system)
 
-    @classmethod
-    def dependent(cls, p: dict[str, Any], varied: set[Path]) -> dict[str, Any]:
-        """Return parameters of a design with those that follow from what varies. varied: its paths in ``p``."""
-        return p
+    def dependent(self, varied: set[Path]) -> Self:
+        """Return the section of a design with the numbers that follow from what varies. varied: paths of that."""
+        return self
 
-    @classmethod
-    def assembled(cls, p: dict[str, Any]) -> bool:
+    def assembled(self) -> bool:
         """Whether a design can be put together, where numbers that are right each by itself may not fit."""
         return True
 
@@ -154,20 +158,18 @@ class System(Section):
         return cls
 
     @classmethod
-    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+    def cycles_of_input(cls, raw: Any) -> float | None:
         """Cycles of the first mesh in a turn of the input, None where no teeth are known.
 
         raw: the section as written, in which anything may be wrong.
         """
         return None
 
-    @classmethod
-    def summary(cls, p: dict[str, Any]) -> dict[str, str]:
+    def summary(self) -> dict[str, str]:
         """Return what ``gearstab info`` says of the kind besides: a line each, by its heading."""
         return {}
 
-    @classmethod
-    def doubts(cls, p: dict[str, Any]) -> Iterator[tuple[Path, str, str]]:
+    def doubts(self) -> Iterator[tuple[Path, str, str]]:
         """Yield what is right and hardly meant: path, message and remedy; beside numbers that are far from usual."""
         yield from ()
 
@@ -176,11 +178,10 @@ class System(Section):
         """Numbers of the system that are the speed of the input too."""
         return []
 
-    @classmethod
-    def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
+    def unfit(self, axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
         """Methods that do not apply; the paths are below ``methods``."""
         swept = any(item.path[-1] == "backlash" for axis in axes for item in axis.assignments)
-        given = any(mesh.get("backlash") for _, mesh in items(parameters.get("meshes")))
+        given = any(mesh.get("backlash") for _, mesh in items(self.get("meshes")))
         if swept and not given and "response" in methods:
             yield (
                 ("response",),

@@ -15,7 +15,7 @@ import numpy as np
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.arrays import matrix
-from gearstab.config.model.axes import Array, Grid, parameters_at
+from gearstab.config.model.axes import Array, Grid
 from gearstab.config.model.conflicts import items
 from gearstab.systems.parts.mesh import build_mesh
 from gearstab.waveforms import WAVEFORMS, Waveform
@@ -34,7 +34,7 @@ Selection = dict[str, Array]
 """Axis name -> indices of the points that are looked at, all of one shape."""
 
 
-def extreme_points(grid: Grid, concerns: Callable[[Path], bool]) -> Selection:
+def extreme_points(grid: Grid[Any], concerns: Callable[[Path], bool]) -> Selection:
     """The points that can be the worst for the parameters that a question concerns."""
     picks: Selection = {}
     for axis in grid.axes:
@@ -59,27 +59,27 @@ def _key(path: Path) -> str:
     return str(path[3] if len(path) > 3 and path[2] == "waveform" else path[-1])
 
 
-def _ends_suffice(grid: Grid, path: Path) -> bool:
+def _ends_suffice(grid: Grid[Any], path: Path) -> bool:
     if path[0] != "meshes" or (path[2] == "waveform" and _key(path) in AT_THE_ENDS):
         return True
-    wave = wave_of(grid.parameters["meshes"][path[1]].get("waveform"))
+    wave = wave_of(grid.system["meshes"][path[1]].get("waveform"))
     return path[2] != "waveform" and (path[2] != "contact_ratio" or (wave is not None and wave.fraction_sets_levels))
 
 
-def check_mesh_levels(document: Document, grid: Grid) -> None:
+def check_mesh_levels(document: Document, grid: Grid[Any]) -> None:
     """Report meshes whose stiffness is not positive somewhere on the grid."""
     grid = numbers_only(grid)
-    for key, _ in items(grid.parameters.get("meshes")):
+    for key, _ in items(grid.system.get("meshes")):
         check_levels(document, grid, key)
 
 
-def numbers_only(grid: Grid) -> Grid:
+def numbers_only(grid: Grid[Any]) -> Grid[Any]:
     """Return the configuration without exact ratios on its axes, which play no part and must not change in a batch."""
     axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in grid.axes]
     return replace(grid, axes=tuple(axes))
 
 
-def check_levels(document: Document, grid: Grid, index: str | int) -> None:
+def check_levels(document: Document, grid: Grid[Any], index: str | int) -> None:
     """Both extremes of a mesh stiffness, or its mean where negative stiffness is allowed, must be positive."""
 
     def concerns(path: Path) -> bool:
@@ -89,11 +89,11 @@ def check_levels(document: Document, grid: Grid, index: str | int) -> None:
     selections: list[Selection] = [points] if points else [{}]
     if points and grid.base_is_asked_for:
         selections.append({})
-    allowed = grid.parameters["allow_negative_stiffness"]
+    allowed = grid.system["allow_negative_stiffness"]
     for selection in selections:
-        p = parameters_at(grid, selection)["meshes"][index]
+        p = grid.at(selection)["meshes"][index]
         with np.errstate(all="ignore"):  # what overflows is reported, or of no concern
-            item = build_mesh({"name": ""} | p, np.ones(1))
+            item = build_mesh(p, np.ones(1))
             depth, above = -item.waveform.extremes()[0], item.waveform.stiffer_level
             lowest = item.mean_stiffness - 2 * np.asarray(p.get("amplitude", item.amplitude)) * depth
             checked = np.atleast_1d(item.mean_stiffness if allowed else np.minimum(lowest, item.mean_stiffness))
@@ -104,7 +104,7 @@ def check_levels(document: Document, grid: Grid, index: str | int) -> None:
             def at_worst(value: Any, shape: tuple[int, ...] = checked.shape, place: int = worst) -> float:
                 return float(np.broadcast_to(value, shape)[place])
 
-            numbers = {k: at_worst(p[k]) for k in LEVEL_KEYS if k in p and k != "waveform"}
+            numbers = {k: at_worst(p.get(k)) for k in LEVEL_KEYS if p.get(k) is not None and k != "waveform"}
             numbers |= {"depth": at_worst(depth), "above": at_worst(above), "mean": at_worst(item.mean_stiffness)}
             chosen = {name: int(rows[worst]) for name, rows in selection.items()}
             _report(document, grid, index, numbers, at_worst(checked), chosen)
@@ -112,10 +112,10 @@ def check_levels(document: Document, grid: Grid, index: str | int) -> None:
 
 
 def _report(
-    document: Document, grid: Grid, index: str | int, p: dict[str, float], level: float, chosen: dict[str, int]
+    document: Document, grid: Grid[Any], index: str | int, p: dict[str, float], level: float, chosen: dict[str, int]
 ) -> None:
-    own = grid.parameters["meshes"][index]
-    allowed = grid.parameters["allow_negative_stiffness"]
+    own = grid.system["meshes"][index]
+    allowed = grid.system["allow_negative_stiffness"]
     level_name = "mean stiffness" if allowed else "softer level"
     key = "epsilon" if "epsilon" in p else "amplitude" if "amplitude" in p else ""
     ratio = f" and contact ratio {p['contact_ratio']:.6g}" if "contact_ratio" in p else ""
@@ -149,7 +149,7 @@ def _limit(p: dict[str, float], key: str, allowed: bool, wave: type[Waveform] | 
     return 1 / (2 * depth), f"1/({divisor}), {low}"
 
 
-def _place(document: Document, grid: Grid, index: str | int, key: str, chosen: dict[str, int]) -> Path:
+def _place(document: Document, grid: Grid[Any], index: str | int, key: str, chosen: dict[str, int]) -> Path:
     """Where the value to blame stands: in an axis that sets it or another level key, or in the mesh."""
     for wanted in (key, *LEVEL_KEYS):
         for axis in grid.axes:
@@ -162,12 +162,12 @@ def _place(document: Document, grid: Grid, index: str | int, key: str, chosen: d
 
 
 def check_symmetric(
-    document: Document, parameters: dict[str, Any], places: Sequence[tuple[str, ...]] = (("damping", "matrix"),)
+    document: Document, system: Any, places: Sequence[tuple[str, ...]] = (("damping", "matrix"),)
 ) -> bool:
     """Report matrices below ``system`` that are not symmetric; return whether all are."""
     good = True
     for where in places:
-        found = value_at(parameters, where)
+        found = value_at(system, where)
         if found is None:
             continue
         values = matrix(found)

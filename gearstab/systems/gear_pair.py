@@ -109,12 +109,12 @@ class GearPair(System):
         """N1."""
         return first_number(raw.get("teeth"))
 
-    @classmethod
-    def build(cls, p: dict[str, Any]) -> GearSystem:
+    def equations(self) -> GearSystem:
         """m x'' + c x' + k(t) x = f(t).
 
         Parameters: ``equivalent_mass`` m (kg), one mesh, damping. x is the deflection along the line of action.
         """
+        p: Any = self
         load = {"x": p["load"][0]} if p.get("load") is not None else None
         gear = Element({"x": 1.0}, mass=p["equivalent_mass"])
         mesh = MeshElement(p["meshes"][0], {"x": 1.0})
@@ -229,10 +229,9 @@ class RotatingGearPair(System):
         """N1."""
         return first_number(raw.get("teeth"))
 
-    @classmethod
-    def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
+    def unfit(self, axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
         """Only Floquet theory knows formulations in which the mesh stiffness depends on the rotation."""
-        values = {parameters["formulation"]}
+        values = {self.formulation}
         for axis in axes:
             values |= {v for item in axis.assignments if item.path == ("formulation",) for v in item.values}
         other = sorted(values - {CLASSICAL})
@@ -241,14 +240,14 @@ class RotatingGearPair(System):
                 message = f"does not apply to the formulation {' and '.join(other)}"
                 yield (name,), "not_applicable", message, "remove it: floquet alone tells the stability of its orbits"
 
-    @classmethod
-    def build(cls, p: dict[str, Any]) -> rotating_pair.RotatingPair:
+    def equations(self) -> rotating_pair.RotatingPair:
         """phi''/M2 + (2 zeta w0/M2) phi' + k phi = T0, with k of Omega t or, in other formulations, of the rotation.
 
         Parameters: ``formulation``, ``teeth``, ``inertias``, ``torsional_stiffness``, ``single_contact_angle`` or
         ``contact_ratio``, ``torque``, ``damping_ratio``, and ``module`` or ``radii`` where lengths are known.
         One pair of teeth is in contact from the beginning of a mesh cycle on. Source: Oh, Grosh & Barber 2005, (1)-(6).
         """
+        p: Any = self
         numbers = _numbers(p)
         batch = numbers.batch
         soft, stiff = (np.asarray(level, dtype=float) for level in numbers.stiffness)
@@ -279,7 +278,7 @@ def _two_numbers(values: Any) -> tuple[float | None, float | None]:
     return first, second
 
 
-def _numbers(p: dict[str, Any]) -> PairNumbers:
+def _numbers(p: RotatingGearPair) -> PairNumbers:
     def pair(values: Any) -> tuple[Array, Array]:
         first, second = values
         return np.asarray(first, dtype=float), np.asarray(second, dtype=float)

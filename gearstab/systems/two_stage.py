@@ -98,8 +98,7 @@ class TwoStage(System):
                 "remove it, or change the teeth",
             )
 
-    @classmethod
-    def build(cls, p: dict[str, Any]) -> GearSystem:
+    def equations(self) -> GearSystem:
         """Three rotations measured along the lines of action, an input shaft and two meshes.
 
             M = diag(m1, m2, m3),  K0 = diag(k0, 0, 0),  g_1 = (1, 1, 0),  g_2 = (0, 1, 1)
@@ -110,6 +109,7 @@ class TwoStage(System):
 
         Source: Lin & Parker 2002, (1), (2) and section 3.2.
         """
+        p: Any = self
         first, second = p["meshes"]
         phasing = np.asarray(second.get("phasing", 0.0), dtype=float)
         elements = [Element({x: 1.0}, mass=mass) for x, mass in zip(COORDINATES, p["inertias"], strict=True)]

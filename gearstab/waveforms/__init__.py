@@ -11,7 +11,7 @@ from gearstab.waveforms.rectangular import Rectangular
 from gearstab.waveforms.sampled import Sampled, TorqueTable
 from gearstab.waveforms.tooth import Tooth
 from gearstab.waveforms.tooth_pair import ToothPair
-from gearstab.waveforms.trapezoidal import Trapezoidal
+from gearstab.waveforms.trapezoidal import Helical, Trapezoidal
 
 WAVEFORMS: dict[str, type[Waveform]] = {
     "rectangular": Rectangular,
@@ -27,6 +27,7 @@ __all__ = [
     "WAVEFORMS",
     "Constant",
     "Fourier",
+    "Helical",
     "Product",
     "Profile",
     "Rectangular",

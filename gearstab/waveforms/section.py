@@ -37,7 +37,7 @@ def wave_of(section: dict[str, Any] | None) -> type[Waveform] | None:
     return WAVEFORMS.get((section or {}).get("kind", "rectangular"))
 
 
-def build_waveform(p: dict[str, Any]) -> Waveform:
+def build_waveform(p: Any) -> Waveform:
     """Build the wave of a mesh with the parameters p: ``waveform`` and, where its kind has one, ``contact_ratio``."""
     spec = p.get("waveform") or {}
     return WAVEFORMS[spec.get("kind", "rectangular")].build(spec, p.get("contact_ratio"))

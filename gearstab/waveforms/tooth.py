@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -18,6 +19,8 @@ from gearstab.waveforms.phase import wrapped
 from gearstab.waveforms.stiffness import OfStiffness
 
 ROUNDING = 1e-14  # relative: coefficients below it are left out
+NO_WIDTH = 1e-12
+"""Periods too short to average over: phases are known to 1e-16, and so the slope of a ramp of this width to 1e-4."""
 
 
 @dataclass(frozen=True)
@@ -157,11 +160,49 @@ def through(edges: Array, values: Array) -> Piecewise:
     return Piecewise(edges, coefficients[:, : needed[-1] + 1 if len(needed) else 1])
 
 
+def averaged(curve: Piecewise, width: float) -> Piecewise:
+    """Return the mean of a curve (no batch) over the periods behind each phase, 1/width int_0^width f(x - u) du.
+
+    It is exact: a polynomial of one degree more on each piece between the edges and the edges delayed by the width.
+    Whole periods of the width bring the mean alone, so that a width of a whole number leaves nothing else.
+    """
+    whole = np.floor(width + NO_WIDTH)
+    part = width - whole
+    if width <= NO_WIDTH:
+        return curve
+    mean = float(curve.mean)
+    if part <= NO_WIDTH:
+        return Piecewise(np.zeros(1), np.array([[mean]]))
+    edges = np.unique(wrapped(np.concatenate([curve.edges, np.asarray(curve.edges) + part])))
+    at = nodes(edges, np.shape(curve.coefficients)[-1])
+    return through(edges, (whole * mean + part * _window_means(curve, at, part)) / width)
+
+
+def _window_means(curve: Piecewise, x: Array, width: float) -> Array:
+    """Means over x - width .. x, width < 1, of the shape of x, by Gauss's rule on the part of each piece within."""
+    coefficients, ends = np.asarray(curve.coefficients), np.append(curve.edges, 1.0)
+    points, weights = legendre.leggauss(coefficients.shape[-1] // 2 + 1)
+    total, covered = np.zeros(np.shape(x)), np.zeros(np.shape(x))
+    for piece, (low, high) in enumerate(pairwise(ends)):
+        for shift in (-1.0, 0.0):
+            first = np.maximum(x - width, low + shift)
+            length = np.maximum(np.minimum(x, high + shift) - first, 0.0)
+            phase = first[..., None] + length[..., None] * (points + 1) / 2 - shift
+            t = np.clip(2 * (phase - low) / (high - low if high > low else 1.0) - 1, -1.0, 1.0)
+            total += length * (chebyshev.chebval(t, coefficients[piece]) @ weights) / 2
+            covered += length
+    # Not over the width: the lengths of a narrow window have its rounding errors too.
+    return total / covered
+
+
 def stacked(curves: Sequence[Piecewise], shape: tuple[int, ...]) -> Piecewise:
-    """One batch of the given shape from single curves with equally many pieces, in the order of the batch."""
-    degrees = max(np.shape(curve.coefficients)[-1] for curve in curves)
-    padded = [np.pad(curve.coefficients, ((0, 0), (0, degrees - curve.coefficients.shape[-1]))) for curve in curves]
-    edges = np.stack([curve.edges for curve in curves])
+    """One batch of the given shape from single curves, in the order of the batch; empty pieces fill up their number."""
+    pieces, degrees = np.max([np.shape(curve.coefficients) for curve in curves], axis=0)
+    gaps = [((0, pieces - len(curve.edges)), (0, degrees - np.shape(curve.coefficients)[-1])) for curve in curves]
+    padded = [np.pad(curve.coefficients, gap) for curve, gap in zip(curves, gaps, strict=True)]
+    edges = np.stack(
+        [np.pad(curve.edges, gap[0], constant_values=1.0) for curve, gap in zip(curves, gaps, strict=True)]
+    )
     return Piecewise(edges.reshape(*shape, -1), np.stack(padded).reshape(*shape, edges.shape[-1], degrees))
 
 

@@ -29,8 +29,9 @@ class Trapezoidal(Waveform):
 
         w(x) = -d + sum_j [S(x - j) - S(x - j - d)],    S(y) = 0 for y < -r/2, 1/2 + y/r, 1 for y > r/2,
 
-    which is the mean of the rectangular wave over x - r/2 .. x + r/2, 0 <= r <= 1. Ramps that overlap, r > d or
-    r > 1 - d, add up by this rule: the plateau between them is not reached and the peak-to-peak is
+    which is the mean of the rectangular wave over x - r/2 .. x + r/2. Whole periods of r leave nothing: beyond r = 1 it
+    is the wave of the remaining part of r, smaller by that part over r. Ramps that overlap, d < r <= 1 or
+    1 - d < r <= 1, add up by this rule: the plateau between them is not reached and the peak-to-peak is
 
         min(1, d/r) - max(0, 1 - (1 - d)/r) <= 1
 
@@ -60,17 +61,35 @@ class Trapezoidal(Waveform):
         """d = c - floor(c)."""
         return stiff_fraction(self.contact_ratio)
 
+    @property
+    def delay(self) -> Array | float:
+        """Periods by which the ramps come later than centred on the jumps."""
+        return 0.0
+
     def value(self, x: Array) -> Array:
-        d, phase = self.stiff_fraction, wrapped(x)
+        d, phase = self.stiff_fraction, wrapped(np.asarray(x) + self._ahead)
         # A ramp is at most one period wide: of the other periods' pulses only those of the neighbours reach here.
         pulses = (self._step(phase - j) - self._step(phase - j - d) for j in (-1, 0, 1))
-        return sum(pulses, -d)
+        return self._share * sum(pulses, -d)
 
     @property
     def _width(self) -> Array:
-        """r, 0 where it is shorter than phases are told apart."""
+        """The part of r beyond whole periods, 0 where it is shorter than phases are told apart."""
         r = np.asarray(self.ramp, dtype=float)
-        return np.where(r > np.finfo(float).eps, r, 0.0)
+        part = r - np.floor(r) if np.any(r > 1) else r
+        return np.where(part > np.finfo(float).eps, part, 0.0)
+
+    @property
+    def _share(self) -> Array:
+        """That part over r, 1 up to a period."""
+        r = np.asarray(self.ramp, dtype=float)
+        return np.where(r > 1, self._width / np.maximum(r, 1.0), 1.0)
+
+    @property
+    def _ahead(self) -> Array:
+        """Phase by which the ramps come earlier: half of each whole period of r, less the delay."""
+        r = np.asarray(self.ramp, dtype=float)
+        return np.where(r > 1, 0.5 * np.floor(r), 0.0) - self.delay
 
     def _step(self, y: Array) -> Array:
         """S, a jump for r = 0."""
@@ -78,8 +97,8 @@ class Trapezoidal(Waveform):
         return np.where(r > 0, np.clip(y / np.where(r > 0, r, 1.0) + 0.5, 0.0, 1.0), np.where(y >= 0, 1.0, 0.0))
 
     def breakpoints(self) -> Array:
-        d, half = np.broadcast_arrays(self.stiff_fraction, 0.5 * np.asarray(self.ramp, dtype=float))
-        return wrapped(np.stack([-half, half, d - half, d + half], axis=-1))
+        d, half, ahead = np.broadcast_arrays(self.stiff_fraction, 0.5 * self._width, self._ahead)
+        return wrapped(np.stack([-half, half, d - half, d + half], axis=-1) - ahead[..., None])
 
     def extremes(self) -> tuple[Array, Array]:
         """Return the values in the middle of the soft and of the stiff part."""
@@ -87,7 +106,7 @@ class Trapezoidal(Waveform):
         safe = np.where(r > 0, r, 1.0)
         low = np.where(r > 0, np.maximum(0.0, 1.0 - (1.0 - d) / safe), 0.0)
         high = np.where(r > 0, np.minimum(1.0, d / safe), np.where(d > 0, 1.0, 0.0))
-        return low - d, high - d
+        return self._share * (low - d), self._share * (high - d)
 
     @property
     def stiffer_level(self) -> Array:
@@ -95,7 +114,26 @@ class Trapezoidal(Waveform):
         return 1.0 - self.stiff_fraction
 
     def fourier(self, order: int) -> tuple[Array, Array]:
-        """Those of the rectangular wave times sin(s pi r)/(s pi r)."""
+        """Those of the rectangular wave times sin(s pi r)/(s pi r), turned by the delay."""
         angle = np.pi * order * self.stiff_fraction
         factor = 2 * np.sin(angle) / (np.pi * order) * np.sinc(order * np.asarray(self.ramp, dtype=float))
-        return factor * np.sin(angle), factor * np.cos(angle)
+        turned = angle + 2 * np.pi * order * np.asarray(self.delay)
+        return factor * np.sin(turned), factor * np.cos(turned)
+
+
+@dataclass(frozen=True)
+class Helical(Trapezoidal):
+    """The rectangular wave of helical teeth: its mean over the overlap ratio eps_beta, here ``ramp``, of any size.
+
+    A ramp begins where a pair enters at one face, or leaves there, and ends where it does at the other. contact_ratio:
+    eps_alpha, of the transverse section.
+    """
+
+    @property
+    def delay(self) -> Array | float:
+        return 0.5 * np.asarray(self.ramp, dtype=float)
+
+    @property
+    def total_contact_ratio(self) -> Array:
+        """eps_alpha + eps_beta."""
+        return np.asarray(self.contact_ratio, dtype=float) + self.ramp

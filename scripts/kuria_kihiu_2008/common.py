@@ -69,7 +69,7 @@ LONG_TEETH = {
 @cache
 def base() -> Mapping[str, Any]:
     """The parameters of configs/kuria_kihiu_2008/gearbox.yaml."""
-    return load(CONFIGS / "kuria_kihiu_2008" / "gearbox.yaml").parameters
+    return load(CONFIGS / "kuria_kihiu_2008" / "gearbox.yaml").system
 
 
 def parameters(design: Design) -> dict[str, Any]:

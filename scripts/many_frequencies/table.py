@@ -50,7 +50,7 @@ class Row:
 
 def train(damping: float = DAMPING) -> GearSystem:
     """The gearbox with a part of its damping."""
-    system = build(load(CONFIG).parameters)
+    system = build(load(CONFIG).system)
     assert system.damping is not None
     return replace(system, damping=damping * system.damping)
 

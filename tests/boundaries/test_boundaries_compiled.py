@@ -211,7 +211,7 @@ PLANETS = {
 
 def test_regions_of_modes_of_one_frequency_stand_under_the_first_of_them() -> None:
     # The planets' modes 3 and 4 have one frequency: which of their combinations grows is a matter of rounding.
-    planets = build(load({"system": PLANETS}).parameters)
+    planets = build(load({"system": PLANETS}).system)
     found = {name for label in boundaries(planets, 1.8, 5.0).labels() for name in label.split(" & ")}
     assert {"2w3", "w3"} <= found
     assert not any("w4" in name for name in found)

@@ -15,7 +15,6 @@ import scipy.linalg
 import gearstab as gs
 from gearstab.floquet import solve
 from gearstab.floquet.kernel import factors, levels
-from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular
 
@@ -60,9 +59,9 @@ def test_every_speed_takes_the_short_way(monkeypatch: pytest.MonkeyPatch) -> Non
     omega, long = np.linspace(690.0, 865.0, 36), []
     chains = factors.chains
 
-    def followed(wide: np.ndarray, pattern: Pattern) -> Iterator[tuple[int, np.ndarray]]:
+    def followed(wide: np.ndarray, segments: int, size: int) -> Iterator[tuple[int, np.ndarray]]:
         long.extend(omega[wide[0]] if wide.shape[1] == len(omega) else ())
-        return chains(wide, pattern)
+        return chains(wide, segments, size)
 
     monkeypatch.setattr(factors, "chains", followed)
     found = solve(system, omega, exponents=True).exponents

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import CONFIGS, TRAIN, ran, read, written
+from scenes import CONFIGS, TRAIN, plain, ran, read, written
 
 import gearstab as gs
 from gearstab.config import Config, load
@@ -28,7 +28,7 @@ DRAWING = [
 
 def sun_ring(config: Config) -> float:
     """The lag of the first planet's ring mesh."""
-    lags = {mesh.name: float(mesh.lag) for mesh in build(config.parameters).meshes}
+    lags = {mesh.name: float(mesh.lag) for mesh in build(config.system).meshes}
     return (lags["ring1"] - lags["sun1"]) % 1
 
 
@@ -49,7 +49,7 @@ def test_b20_what_cannot_be_assembled_is_refused(change: str, words: str) -> Non
 
 def test_c1_gears_alone_are_placed_halfway_and_told() -> None:
     assert ran("check", STAGE_ONE).exit_code == 0
-    teeth = with_teeth(load(STAGE_ONE).parameters)["teeth"]
+    teeth = with_teeth(load(STAGE_ONE).system)["teeth"]
     assert teeth["centre_distance"] == pytest.approx(0.045 * (19 + 56) / 4, rel=1e-12)
     said = ran("info", STAGE_ONE).output
     assert "= z_s + 2 z_p + 3; centre distance 0.84375 m, profile shifts sun 0.427, planet 0.427, ring -0.1944" in said
@@ -59,7 +59,7 @@ def test_c1_gears_alone_are_placed_halfway_and_told() -> None:
 def test_c1_with_its_drawing_has_its_angles_contact_ratios_and_lag() -> None:
     """Angles and contact ratios as published programs have them; the lag from flanks turned by brute force."""
     config = load(STAGE_ONE, DRAWING)
-    p = with_teeth(config.parameters)
+    p = with_teeth(config.system)
     # The carrier drives counter-clockwise: the load on the sun is clockwise, and the other flanks carry.
     angles = [-0.49074362558843027, -0.29950993333338166]
     assert [p["pressure_angles"][name] for name in ("sun", "ring")] == pytest.approx(angles, abs=1e-9)
@@ -148,7 +148,7 @@ def gearbox() -> dict[str, Any]:
 
 @pytest.mark.filterwarnings("ignore::gearstab.errors.DoubtWarning")
 def test_c4_a_train_of_planetary_stages_goes_as_matrices() -> None:
-    system = build(gs.load(gearbox()).parameters)
+    system = build(gs.load(gearbox()).system)
     ratios = {mesh.frequency_ratio for mesh in system.meshes}
     assert ratios == {Fraction(1), Fraction(6975, 1064), Fraction(4625, 112)}
     lags = [float(mesh.lag) for mesh in system.meshes if mesh.name.startswith("s1_")]
@@ -168,8 +168,8 @@ FRACTIONS = pytest.mark.parametrize(
 @FRACTIONS
 def test_a_phasing_may_be_a_fraction(tmp_path: Path, text: str, value: float) -> None:
     second = TRAIN.replace("name: second", f'name: second, phasing: "{text}"')
-    assert read(tmp_path, second).parameters["meshes"][1]["phasing"] == value
-    assert read(tmp_path, TRAIN, f"phasing={text}").parameters["meshes"][1]["phasing"] == value
+    assert read(tmp_path, second).system["meshes"][1]["phasing"] == value
+    assert read(tmp_path, TRAIN, f"phasing={text}").system["meshes"][1]["phasing"] == value
     swept = read(tmp_path, f'{TRAIN}sweep: {{phasing: ["{text}", 0.1]}}\nmethods: {{perturbation: {{}}}}\n')
     assert swept.axes[0].values[0] == value
 
@@ -177,11 +177,11 @@ def test_a_phasing_may_be_a_fraction(tmp_path: Path, text: str, value: float) ->
 @FRACTIONS
 def test_phases_of_planets_and_samples_may_be_fractions(tmp_path: Path, text: str, value: float) -> None:
     given = CONFIGS / "parker_2009" / "fig4.yaml"
-    phases = load(given, [f'phases={{sun: ["{text}", 0, 0, 0], sun_ring: "{text}"}}']).parameters["phases"]
+    phases = plain(load(given, [f'phases={{sun: ["{text}", 0, 0, 0], sun_ring: "{text}"}}']).system["phases"])
     assert phases == {"sun": [value, 0, 0, 0], "sun_ring": value}
     wave = '{kind: sampled, phase: [0, "1/3", "2/3"], stiffness: [1, 1.2, 0.8]}'
     sampled = TRAIN.replace("mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5", f"waveform: {wave}", 1)
-    assert read(tmp_path, sampled).parameters["meshes"][0]["waveform"]["phase"] == [0, 1 / 3, 2 / 3]
+    assert read(tmp_path, sampled).system["meshes"][0]["waveform"]["phase"] == [0, 1 / 3, 2 / 3]
 
 
 @pytest.mark.parametrize("text", ["1/0", "1/3 deg", "1.5/3", "1/3/2", "a/3"])

@@ -29,7 +29,7 @@ def facts(name: str, *options: str) -> dict:
 def test_a_region_that_is_not_open_and_a_remedy_that_opens_it() -> None:
     """First order has 2w1/3 open and closed by a contact ratio of 5/3; it is stable, and 5/3 opens it."""
     name = "b14_remedy_false"
-    system = build(load(HERE / f"{name}.yaml").parameters)
+    system = build(load(HERE / f"{name}.yaml").system)
     w1 = 24494.897427831780
     growth = solve(system, w1 * np.linspace(0.6448, 0.6718, 50)).growth_rate
     assert growth.max() == pytest.approx(-0.006882 * w1, rel=0.01)
@@ -154,7 +154,7 @@ def test_a_report_in_rpm_or_in_the_unit_asked_for(tmp_path: Path) -> None:
     assert "5 regions of instability" in text
     assert "the widest 2w6/9 from 6840.4 to 6945.6 rpm" in text
     assert text.count(" 0.005 open ") == 5
-    system = build(load(HERE / "a5_report_in_rad_per_s.yaml").parameters)
+    system = build(load(HERE / "a5_report_in_rad_per_s.yaml").system)
     per_rpm = 20 * np.pi / 30  # 20 teeth
     inside = solve(system, per_rpm * np.array([6830.0, 6841.0, 6900.0, 6945.0, 6956.0])).stable[0]
     assert inside.tolist() == [1, 0, 0, 0, 1]

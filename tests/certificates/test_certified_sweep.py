@@ -13,7 +13,7 @@ from scenes import TRAIN, ran, result_of, written
 
 pytest.importorskip("flint")
 
-from gearstab.cli.report.facts import state_of
+from gearstab.cli.report.facts import curve_speeds, state_of
 from gearstab.config import load
 from gearstab.design.problem import Span
 from gearstab.plots import draw
@@ -97,8 +97,9 @@ def test_a_map_hatches_what_has_certificates(stored: Path) -> None:
 
 def test_a_report_says_how_much_has_certificates(stored: Path) -> None:
     config = load(stored.with_name("case.yaml"))
-    system = build(config.parameters)
-    state = state_of("present", system, (Span(2.3, 2.5, 1.0, 1.0),), config)
+    system = build(config.system)
+    spans = (Span(2.3, 2.5, 1.0, 1.0),)
+    state = state_of("present", system, spans, config, curve_speeds(spans))
     assert "of the mesh frequencies have certificates" in state.uncovered
 
 

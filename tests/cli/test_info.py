@@ -282,7 +282,7 @@ def test_a_phasing_that_info_names_does_what_it_says(fig3: Path) -> None:
 
     def width(label: str, low: float, high: float, *options: str) -> float:
         """That of the exact regions of a name, and of what others make unstable between two speeds."""
-        edges = boundaries(build(load(fig3, options).parameters), 0.3, 7.0)
+        edges = boundaries(build(load(fig3, options).system), 0.3, 7.0)
         return sum(
             upper - lower
             if label in [member.label for member in members]
@@ -312,9 +312,9 @@ def test_the_sense_of_an_advised_phasing(fig3: Path) -> None:
 
     def unstable(phasing: float) -> float:
         changed = load(fig3, (*options[1::2], f"phasing={phasing}"))
-        return float(np.mean(solve(build(changed.parameters), omega).growth_rate > 0))
+        return float(np.mean(solve(build(changed.system), omega).growth_rate > 0))
 
-    before = float(np.mean(solve(build(config.parameters), omega).growth_rate > 0))
+    before = float(np.mean(solve(build(config.system), omega).growth_rate > 0))
     # 601 points tell a width of 1.2 to 0.2 %.
     assert unstable(remedy["value"]) / before == pytest.approx(remedy["leaves"], abs=0.005)
     assert unstable((-remedy["value"]) % 1.0) > 1.5 * unstable(remedy["value"])
@@ -328,7 +328,7 @@ def test_the_teeth_of_the_sun_that_exclude_a_region(tmp_path: Path) -> None:
     @cache
     def half_widths(z: int, planets: int) -> dict[str, float]:
         phases = [k * z / planets % 1 for k in range(planets)]
-        found = first_order(build(load(config, [f"phases.sun={phases}"]).parameters), 1)
+        found = first_order(build(load(config, [f"phases.sun={phases}"]).system), 1)
         return {label: float(half) for label, half in zip(found.label, found.half_width, strict=True)}
 
     seen = set()

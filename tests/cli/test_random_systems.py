@@ -22,7 +22,7 @@ FREQUENCIES = st.lists(st.floats(0.3, 6.0), min_size=3, max_size=3).map(np.array
 
 def built(document: Document, *, damped: bool = False) -> GearSystem:
     """A system with a common period, without damping unless that is asked for."""
-    system = build(load({"system": document}).parameters)
+    system = build(load({"system": document}).system)
     assume(system.commensurate)
     if not damped:
         meshes = tuple(replace(mesh, damping=0.0) for mesh in system.meshes)

@@ -51,7 +51,7 @@ def test_the_file_holds_the_histories_with_units(config: Path, tmp_path: Path) -
     assert done.stdout == ""
     assert "51 samples" in done.stderr
     loaded = load(config)
-    system = build(loaded.parameters)
+    system = build(loaded.system)
     expected = free_response(system, 1.25, np.zeros(2), np.array([0.0, 0.2]), 5 * 2 * np.pi / 1.25, 10)
     with open_result(out) as tree:
         found = tree["response"]

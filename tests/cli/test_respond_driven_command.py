@@ -48,7 +48,7 @@ def call(tmp_path: Path, text: str, *options: str) -> tuple[Result, Path]:
 def test_a_steady_state_with_its_harmonics(tmp_path: Path) -> None:
     done, out = call(tmp_path, STEADY)
     assert done.exit_code == 0, done.output
-    system = build(load(tmp_path / "train.yaml").parameters)
+    system = build(load(tmp_path / "train.yaml").system)
     expected = steady_state(system, 1.25, 40)
     with open_result(out) as tree:
         found = tree["response"]
@@ -73,7 +73,7 @@ def test_a_steady_state_with_its_harmonics(tmp_path: Path) -> None:
 def test_a_history_from_static_equilibrium_with_its_densities(tmp_path: Path) -> None:
     done, out = call(tmp_path, HISTORY)
     assert done.exit_code == 0, done.output
-    system = build(load(tmp_path / "train.yaml").parameters)
+    system = build(load(tmp_path / "train.yaml").system)
     start = static_equilibrium(system)
     expected = driven_response(system, 1.25, start, np.zeros(2), 6 * 2 * np.pi / 1.25, 20)
     with open_result(out) as tree:

@@ -64,10 +64,10 @@ def test_a_whole_configuration(root: Path) -> None:
     assert (config.methods.boundaries.tolerance, config.methods.boundaries.width_floor) == (1e-10, 1e-6)
     assert config.methods.uncoupled is None
     assert config.respond is None
-    assert config.parameters["tooth_ratio"] == Fraction(1)
+    assert config.system["tooth_ratio"] == Fraction(1)
     # det(K - x M) = (1.5 - x) [(2 - 0.3 x) (1 - 4 x) - 1] - (1 - 4 x), multiplied out, with x = w^2.
     cubic = [-1.2, 10.1, -9.45, 0.5]
-    frequencies = mean_modes(build(config.parameters)).natural_frequency
+    frequencies = mean_modes(build(config.system)).natural_frequency
     np.testing.assert_allclose(frequencies, np.sort(np.sqrt(np.roots(cubic))), rtol=1e-12)
 
 
@@ -83,10 +83,11 @@ def test_a_response(tmp_path: Path) -> None:
 def test_defaults(tmp_path: Path) -> None:
     config = read(tmp_path, PAIR)
     assert config.title == "case"
-    assert config.parameters["damping_ratio"] == 0
-    assert config.parameters["allow_negative_stiffness"] is False
-    assert config.parameters["meshes"][0]["name"] == "mesh"
-    assert config.parameters["meshes"][0]["waveform"] == {"kind": "rectangular"}
+    system: Any = config.system
+    assert system.damping_ratio == 0
+    assert system.allow_negative_stiffness is False
+    assert system.meshes[0].name == "mesh"
+    assert system.meshes[0].waveform.kind == "rectangular"
 
 
 @pytest.mark.parametrize(
@@ -104,8 +105,8 @@ def test_defaults(tmp_path: Path) -> None:
 def test_ratios_are_exact(tmp_path: Path, root: Path, written: str, exact: str) -> None:
     text = (root / "configs" / "lin_parker_2002" / "fig3.yaml").read_text()
     config = read(tmp_path, text.replace("tooth_ratio: 1 ", f"tooth_ratio: {written} "))
-    assert config.parameters["tooth_ratio"] == Fraction(exact)
-    assert build(config.parameters).meshes[1].frequency_ratio == 1 / Fraction(exact)
+    assert config.system["tooth_ratio"] == Fraction(exact)
+    assert build(config.system).meshes[1].frequency_ratio == 1 / Fraction(exact)
 
 
 @pytest.mark.parametrize(
@@ -121,11 +122,11 @@ def test_ratios_are_exact(tmp_path: Path, root: Path, written: str, exact: str) 
 def test_units(tmp_path: Path, field: str, text: str, value: float) -> None:
     if field == "equivalent_mass":
         config = read(tmp_path, PAIR.replace("mass: 2", f'mass: "{text}"'))
-        assert config.parameters[field] == pytest.approx(value, rel=1e-15)
+        assert config.system[field] == pytest.approx(value, rel=1e-15)
     else:
         config = read(tmp_path, PAIR.replace("mean_stiffness: 8", f'mean_stiffness: 8, {field}: "{text}"').replace(
             "mean_stiffness: 8, mean_stiffness", "mean_stiffness"))  # fmt: skip
-        assert config.parameters["meshes"][0][field] == pytest.approx(value, rel=1e-15)
+        assert config.system["meshes"][0][field] == pytest.approx(value, rel=1e-15)
 
 
 def test_a_rotation_has_units_of_its_own(tmp_path: Path) -> None:
@@ -136,7 +137,7 @@ system:
   stiffness: [["5 Nm/rad", "1 N"], [1, "2 N/mm"]]
   meshes: [{direction: ["25 mm", 1], mean_stiffness: "3 N/m", epsilon: 0.1, contact_ratio: 1.5}]
 """
-    parameters = read(tmp_path, text).parameters
+    parameters = read(tmp_path, text).system
     assert parameters["mass"] == [[2, 0], [0, 3]]
     assert parameters["stiffness"] == [[5, 1], [1, 2000]]
     assert parameters["meshes"][0]["direction"] == [0.025, 1]
@@ -185,16 +186,14 @@ def save(path: Path, values: dict[str, np.ndarray]) -> None:
 def test_matrices_from_a_file(tmp_path: Path, name: str) -> None:
     save(tmp_path / name, {"mass": MASS, "stiffness": STIFFNESS, "damping": DAMPING})
     config = read(tmp_path, FILE.replace("model.npz", name))
-    system = build(config.parameters)
+    system = build(config.system)
     np.testing.assert_array_equal(system.mass, MASS)
     np.testing.assert_array_equal(system.stiffness, STIFFNESS)
     np.testing.assert_array_equal(system.damping, DAMPING)
-    from gearstab.config import parameters_at
-
-    slab = build(parameters_at(config, {"stiffness.0.1": np.array([1, 0, 1])}))
+    slab = build(config.at({"stiffness.0.1": np.array([1, 0, 1])}))
     np.testing.assert_array_equal(slab.stiffness[:, 0, 1], [-0.5, -1, -0.5])
     np.testing.assert_array_equal(slab.stiffness[:, 1, 0], [-0.5, -1, -0.5])
-    np.testing.assert_array_equal(config.parameters["stiffness"], STIFFNESS)
+    np.testing.assert_array_equal(config.system["stiffness"], STIFFNESS)
 
 
 def test_hdf5_of_matlab_is_transposed(tmp_path: Path) -> None:
@@ -203,7 +202,7 @@ def test_hdf5_of_matlab_is_transposed(tmp_path: Path) -> None:
         for name, value in {"mass": MASS, "stiffness": STIFFNESS, "damping": DAMPING}.items():
             file[name] = value.T
     config = read(tmp_path, FILE.replace("model.npz", "model.mat"))
-    np.testing.assert_array_equal(config.parameters["damping"]["matrix"], DAMPING)
+    np.testing.assert_array_equal(config.system["damping"]["matrix"], DAMPING)
 
 
 BAD_FILES = {
@@ -261,7 +260,7 @@ OVERRIDES = {
 
 @pytest.mark.parametrize(("override", "path", "value"), OVERRIDES.values(), ids=OVERRIDES)
 def test_override(tmp_path: Path, override: str, path: tuple[Any, ...], value: Any) -> None:
-    found: Any = read(tmp_path, PAIR.replace("[{mean", "[{name: mesh, mean"), override).parameters
+    found: Any = read(tmp_path, PAIR.replace("[{mean", "[{name: mesh, mean"), override).system
     for part in path:
         found = found[part]
     assert found == value
@@ -355,7 +354,7 @@ system:
     - &base {name: a, direction: [1, 1], mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}
     - {<<: *base, name: b, epsilon: 0.2}
 """
-    first, second = read(tmp_path, text).parameters["meshes"]
+    first, second = read(tmp_path, text).system["meshes"]
     assert (first["name"], first["epsilon"], first["contact_ratio"]) == ("a", 0.1, 1.5)
     assert (second["name"], second["epsilon"], second["contact_ratio"]) == ("b", 0.2, 1.5)
 
@@ -415,7 +414,7 @@ def test_any_wrong_value_is_a_problem_and_no_crash(tmp_path: Path, data: st.Data
             del container[path[-1]]
     found = outcome(tmp_path, write(tree))
     if isinstance(found, Config):
-        assert build(found.parameters).size == 1
+        assert build(found.system).size == 1
     else:
         assert found.problems
         assert all("\n" not in str(problem) for problem in found.problems)

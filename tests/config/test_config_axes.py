@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from scenes import read
+from scenes import plain, read
 
-from gearstab.config import Axis, Config, parameters_at
+from gearstab.config import Axis, Config
 from gearstab.systems import build
 
 TRAIN = """\
@@ -297,7 +297,7 @@ def test_parameters_of_cases_know_the_unit_that_was_typed(tmp_path: Path) -> Non
 def test_base_values_come_from_the_axes(tmp_path: Path) -> None:
     text = TRAIN.replace("epsilon: 0.3, contact_ratio: 1.5", "").replace(", phasing: 0.1", "")
     sweep = "sweep:\n  epsilon: [0.1, 0.4]\n  contact_ratio: {start: 1.2, stop: 1.4, num: 3}\n  phasing: [0.3]\n"
-    first, second = read(tmp_path, text + sweep).parameters["meshes"]
+    first, second = read(tmp_path, text + sweep).system["meshes"]
     assert (first["epsilon"], first["contact_ratio"]) == (0.1, 1.2)
     assert (second["epsilon"], second["contact_ratio"], second["phasing"]) == (0.2, 1.6, 0.3)
 
@@ -348,7 +348,7 @@ def test_a_slab_of_the_grid_is_its_points(tmp_path: Path, base: str, sweep: str)
     for members in groups.values():
         index = np.array(members)
         selection = {found.name: index[:, k] for k, found in enumerate(config.axes)}
-        slab = build(parameters_at(config, selection))
+        slab = build(config.at(selection))
         for row, point in enumerate(members):
             single = build(by_hand(config, point))
             for name in ("mass", "stiffness", "damping"):
@@ -372,10 +372,8 @@ def _row(values: Any, row: int, dims: int) -> Any:
 
 
 def by_hand(config: Config, point: tuple[int, ...]) -> dict[str, Any]:
-    """The parameters of one point, each assignment written into a copy."""
-    from copy import deepcopy
-
-    parameters = deepcopy(config.parameters)
+    """The numbers of one point, each assignment written into a copy as plain data."""
+    parameters = plain(config.system)
     for found, i in zip(config.axes, point, strict=True):
         for item in found.assignments:
             container: Any = parameters
@@ -388,15 +386,15 @@ def by_hand(config: Config, point: tuple[int, ...]) -> dict[str, Any]:
 
 def test_different_structures_are_not_built_together(tmp_path: Path) -> None:
     config = read(tmp_path, f"{TRAIN}sweep:\n  tooth_ratio: [1, 2]\n")
-    assert parameters_at(config, {"tooth_ratio": np.array([1, 1])})["tooth_ratio"] == Fraction(2)
+    assert config.at({"tooth_ratio": np.array([1, 1])})["tooth_ratio"] == Fraction(2)
     with pytest.raises(ValueError, match="must be constant over the rows"):
-        parameters_at(config, {"tooth_ratio": np.array([0, 1])})
+        config.at({"tooth_ratio": np.array([0, 1])})
 
 
 def test_base_parameters_are_never_changed(tmp_path: Path) -> None:
     from copy import deepcopy
 
     config = read(tmp_path, f"{TRAIN}sweep:\n  epsilon: [0.1, 0.2]\n  inertias.0: [1, 2]\n")
-    before = deepcopy(config.parameters)
-    parameters_at(config, {"epsilon": np.array([0, 1]), "inertias.0": np.array([1, 1])})
-    assert config.parameters == before
+    before = deepcopy(config.system)
+    config.at({"epsilon": np.array([0, 1]), "inertias.0": np.array([1, 1])})
+    assert config.system == before

@@ -38,7 +38,7 @@ def scene(folder: Path, files: str) -> Path:
 @pytest.mark.parametrize("key", ["files", "file"])
 def test_a_file_for_each_matrix(tmp_path: Path, key: str) -> None:
     config = load(scene(tmp_path, key + ": {mass: M.mtx, stiffness: K.mtx, damping: C.mtx}"))
-    system = build(config.parameters)
+    system = build(config.system)
     np.testing.assert_array_equal(system.mass, MASS)
     np.testing.assert_array_equal(system.stiffness, STIFFNESS)
     np.testing.assert_array_equal(system.damping, 0.1 * STIFFNESS)

@@ -52,7 +52,7 @@ def test_nothing_makes_constant_samples_vary(tmp_path: Path, wave: str, key: str
 @pytest.mark.parametrize("wave", [CONSTANT, FROM_FILE])
 @pytest.mark.parametrize("mesh", ["", "epsilon: 0, ", "amplitude: 0, "])
 def test_constant_samples_are_a_constant_stiffness(tmp_path: Path, wave: str, mesh: str) -> None:
-    system = build(loaded(tmp_path, mesh + wave).parameters)
+    system = build(loaded(tmp_path, mesh + wave).system)
     assert float(system.meshes[0].amplitude) == 0
     assert float(system.meshes[0].mean_stiffness) == (3 if wave == CONSTANT else 2)
 
@@ -81,7 +81,7 @@ def test_samples_are_a_shape_where_mean_and_variation_are_given(tmp_path: Path) 
     wave = "waveform: {kind: sampled, phase: [0, 0.3, 0.6], stiffness: [%s]}"
     time = np.linspace(0, 1, 7)
     first, second = (
-        build(loaded(tmp_path, numbers + wave % values).parameters).meshes[0] for values in ("1, 2, 1.5", "-3, -1, -2")
+        build(loaded(tmp_path, numbers + wave % values).system).meshes[0] for values in ("1, 2, 1.5", "-3, -1, -2")
     )
     np.testing.assert_allclose(first.waveform.value(time), second.waveform.value(time), atol=1e-15)
     assert (first.mean_stiffness, first.amplitude) == (second.mean_stiffness, second.amplitude) == (2.0, 0.6)
@@ -98,8 +98,8 @@ def test_negative_samples_are_no_stiffness_by_themselves(tmp_path: Path) -> None
 @pytest.mark.parametrize(("given", "newtons"), [("5", 5.0), ("[5]", 5.0), ('"2 kN"', 2000.0), ("-0.5", -0.5)])
 def test_the_load_of_a_gear_pair_is_a_number(tmp_path: Path, given: str, newtons: float) -> None:
     config = loaded(tmp_path, "mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5", f"load={given}")
-    assert config.parameters["load"] == [newtons]
-    np.testing.assert_array_equal(build(config.parameters).load, [newtons])
+    assert config.system["load"] == [newtons]
+    np.testing.assert_array_equal(build(config.system).load, [newtons])
 
 
 def test_a_load_of_a_gear_pair_that_is_none(tmp_path: Path) -> None:

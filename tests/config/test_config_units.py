@@ -94,7 +94,7 @@ def test_a_text_with_a_unit_is_a_number(tmp_path, text, override, path, value):
         with pytest.raises(ConfigError):
             read(tmp_path, text, override)
         return
-    found = read(tmp_path, text, override).parameters
+    found = read(tmp_path, text, override).system
     for key in path:
         found = found[key]
     assert found == pytest.approx(value, rel=1e-14)
@@ -159,14 +159,14 @@ def test_units_of_axes_are_those_of_their_very_number(tmp_path):
 
 
 def test_one_unit_may_stand_for_all_coordinates(tmp_path):
-    system = build(read(tmp_path, MIXED, "coordinate_units=rad").parameters)
+    system = build(read(tmp_path, MIXED, "coordinate_units=rad").system)
     assert system.coordinate_units == ("rad", "rad")
 
 
 def test_inertias_tell_which_coordinates_turn(tmp_path):
     text = MIXED.replace("  coordinate_units: [m, rad]\n", "").replace("0.01]]", "100 kg cm^2]]")
     config = read(tmp_path, text)
-    assert build(config.parameters).coordinate_units == ("m", "rad")
+    assert build(config.system).coordinate_units == ("m", "rad")
     assert config.tree["system"]["coordinate_units"] == ["m", "rad"]
 
 
@@ -279,7 +279,7 @@ def test_a_model_without_units_takes_none(tmp_path, override, path):
 def test_a_scaled_planetary_gear_has_lengths_only(tmp_path):
     """Masses, stiffnesses and times are scaled, displacements are not: forces over a stiffness are lengths."""
     config = read(tmp_path, PLANETARY, "scaling=dimensionless")
-    system = build(config.parameters)
+    system = build(config.system)
     expected = {"rad/s": "1", "1/s": "1", "kg^-1/2": "1", "m": "m", "m/s": "m", "N": "m", "J": "m^2", "s": "1"}
     expected |= {"N^2 s": "m^2", "m^2 s": "m^2", "1": "1"}
     assert {unit: unit_of(system, unit) for unit in expected} == expected

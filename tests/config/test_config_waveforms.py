@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from gearstab.config import ConfigError, Problem, load, parameters_at
+from gearstab.config import ConfigError, Problem, load
 from gearstab.systems import build
 from gearstab.waveforms import WAVEFORMS, Constant, Fourier, Rectangular, Sampled, ToothPair, Trapezoidal
 
@@ -34,7 +34,7 @@ def written(folder: Path, mesh: str, axes: str = "") -> Path:
 
 
 def mesh_of(folder: Path, mesh: str):
-    return build(load(written(folder, mesh)).parameters).meshes[0]
+    return build(load(written(folder, mesh)).system).meshes[0]
 
 
 def errors(folder: Path, mesh: str, axes: str = "") -> list[Problem]:
@@ -134,12 +134,12 @@ def test_numbers_of_a_waveform_are_axes(name, tmp_path) -> None:
     levels = LEVELS if name in ("trapezoidal", "fourier") else "max_stiffness: 5.0" if name == "sampled" else ""
     config = load(written(tmp_path, f"{levels}, {text}".strip(", "), f"  {axis}\n"))
     key = config.axes[1].name
-    slab = build(parameters_at(config, {key: np.arange(3)}))
+    slab = build(config.at({key: np.arange(3)}))
     assert slab.batch == (3,)
     x = np.linspace(0, 1, 20)[:, None]
     values = slab.meshes[0].mean_stiffness * (1 + 2 * slab.meshes[0].epsilon * slab.meshes[0].waveform.value(x))
     for i in range(3):
-        one = build(parameters_at(config, {key: np.array([i])})).meshes[0]
+        one = build(config.at({key: np.array([i])})).meshes[0]
         own = one.mean_stiffness * (1 + 2 * one.epsilon * one.waveform.value(x))
         np.testing.assert_allclose(values[:, i], own[:, 0], rtol=1e-13)
 
@@ -154,7 +154,7 @@ def test_the_short_name_contact_ratio_means_meshes_that_have_one(tmp_path) -> No
     )
     config = load(path)
     assert [item.path for item in config.axes[1].assignments] == [("meshes", 1, "contact_ratio")]
-    assert load(path, ["contact_ratio=1.3"]).parameters["meshes"][1]["contact_ratio"] == 1.3
+    assert load(path, ["contact_ratio=1.3"]).system["meshes"][1]["contact_ratio"] == 1.3
     remaining = ["system.meshes.1.waveform={kind: fourier, sin: [0.5]}"]
     with pytest.raises(ConfigError, match="no mesh has contact_ratio; their waveforms have none"):
         load(path, remaining)
@@ -361,7 +361,7 @@ def test_negative_stiffness_along_an_axis_is_found_within_it(tmp_path) -> None:
 
 def test_mesh_damping_that_follows_the_stiffness(tmp_path) -> None:
     text = f"{LEVELS}, contact_ratio: 1.4, waveform: {{kind: trapezoidal, ramp: 0.2}}, damping: 0.3"
-    system = build(load(written(tmp_path, f"{text}, damping_follows_stiffness: true")).parameters)
+    system = build(load(written(tmp_path, f"{text}, damping_follows_stiffness: true")).system)
     assert system.damping is None
     (term,) = system.terms
     (mesh,) = system.meshes
@@ -370,7 +370,7 @@ def test_mesh_damping_that_follows_the_stiffness(tmp_path) -> None:
     np.testing.assert_allclose(term.damping.value(x), 0.3 * stiffness / mesh.mean_stiffness, rtol=1e-14)
     np.testing.assert_array_equal(term.left, mesh.direction)
     assert term.stiffness is None
-    constant = build(load(written(tmp_path, text)).parameters)
+    constant = build(load(written(tmp_path, text)).system)
     np.testing.assert_array_equal(constant.damping, [[0.3]])
     assert constant.terms == ()
 
@@ -399,7 +399,7 @@ def test_terms_of_a_planetary_gear_are_scaled_as_the_rest(tmp_path) -> None:
     found = []
     for scaling in ("SI", "dimensionless"):
         path.write_text(PLANETARY.format(scaling=scaling))
-        found.append(build(load(path).parameters))
+        found.append(build(load(path).system))
     si, scaled = found
     assert len(si.terms) == 3
     for one, other in zip(si.terms, scaled.terms, strict=True):
@@ -544,7 +544,7 @@ def test_terms_of_matrices(tmp_path) -> None:
         "{name: friction, left: [0.3, -0.1], right: [1, 1], frequency_ratio: 1/2, lag: 0.25, "
         "stiffness: {mean: 0.05, amplitude: 0.1, contact_ratio: 1.6}, damping: {mean: 0.2}}"
     )
-    system = build(load(matrices(tmp_path, term)).parameters)
+    system = build(load(matrices(tmp_path, term)).system)
     (found,) = system.terms
     assert (found.name, found.frequency_ratio, float(found.lag)) == ("friction", Fraction(1, 2), 0.25)
     np.testing.assert_array_equal(found.left, [0.3, -0.1])
@@ -560,7 +560,7 @@ def test_terms_from_samples(tmp_path) -> None:
     (tmp_path / "k.csv").write_text("0,-1\n0.5,3\n")
     term = "{left: [1, 0], right: [0, 1], stiffness: {waveform: {kind: sampled, file: k.csv}}}"
     config = load(matrices(tmp_path, term))
-    (found,) = build(config.parameters).terms
+    (found,) = build(config.system).terms
     np.testing.assert_allclose(found.stiffness.value(np.array([0.0, 0.25, 0.5])), [-1, 1, 3], atol=1e-15)
     assert list(config.contents) == ["terms.0.stiffness.waveform"]
 
@@ -571,7 +571,7 @@ def test_terms_are_axes(tmp_path) -> None:
         matrices(tmp_path, term, "  terms.friction.stiffness.mean: [0.0, 0.1]\n  terms.0.left.1: [0.2, 0.3]\n")
     )
     names = [axis.name for axis in config.axes[1:]]
-    system = build(parameters_at(config, {name: np.arange(2) for name in names}))
+    system = build(config.at({name: np.arange(2) for name in names}))
     assert system.batch == (2,)
     np.testing.assert_allclose(system.terms[0].stiffness.value(0.0), [0.0, 0.1])
     np.testing.assert_allclose(system.terms[0].left, [[0.3, 0.2], [0.3, 0.3]])
@@ -622,7 +622,7 @@ TERM = "{left: [1, 0], right: [0, 1], damping: {mean: 1}}"
 def test_irrational_frequency_ratios(tmp_path) -> None:
     path = matrices(tmp_path, TERM, mesh=", exact: false, frequency_ratio: 1.4142135623730951")
     config = load(path)
-    system = build(config.parameters)
+    system = build(config.system)
     assert system.meshes[0].frequency_ratio == 2**0.5
     assert isinstance(system.meshes[0].frequency_ratio, float)
     assert not system.commensurate
@@ -634,7 +634,7 @@ def test_irrational_frequency_ratios(tmp_path) -> None:
         load(path, ["system.meshes.0.exact=true"])
     with pytest.raises(ConfigError, match="must be > 0"):
         load(path, ["system.meshes.0.frequency_ratio=0"])
-    exact = build(load(path, ["system.meshes.0.exact=true", "system.meshes.0.frequency_ratio=0.5"]).parameters)
+    exact = build(load(path, ["system.meshes.0.exact=true", "system.meshes.0.frequency_ratio=0.5"]).system)
     assert exact.meshes[0].frequency_ratio == Fraction(1, 2)
 
 
@@ -644,7 +644,7 @@ def test_irrational_frequency_ratios_are_axes(tmp_path) -> None:
     axis = config.axes[1]
     assert axis.size == 3
     for i, expected in enumerate((1.1, 1.2, 1.3)):
-        found = build(parameters_at(config, {axis.name: np.array([i])})).meshes[0].frequency_ratio
+        found = build(config.at({axis.name: np.array([i])})).meshes[0].frequency_ratio
         assert isinstance(found, float)
         assert found == pytest.approx(expected, rel=1e-15)
     with pytest.raises(ConfigError, match="is exact and has no range"):

@@ -25,8 +25,7 @@ from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.plots import draw
 from gearstab.results import open_result
-from gearstab.systems import build
-from gearstab.systems.planetary.sections import Planetary
+from gearstab.systems import build, section
 
 RANGE = (4.8, 6.0)
 FLOOR = 1e-6 * RANGE[1]
@@ -295,7 +294,7 @@ def test_growth_rates_are_the_largest_of_a_fine_raster(tmp_path: Path) -> None:
     rows = np.array([[1.5, 0.2], [1.3, 0.6]])
     found = Judge(problem).worth(rows).objectives[:, 0]
     for (c1, h), value in zip(rows, found, strict=True):
-        p = problem.parameters(np.array([[c1, h]]))
+        p = problem.systems(np.array([[c1, h]]))
         raster = solve(build(p), np.linspace(0.8, 6.0, 20001)).growth_rate.max()
         assert raster <= value * (1 + 1e-6)
         assert value == pytest.approx(raster, rel=1e-3)
@@ -321,4 +320,4 @@ def test_intervals_are_united() -> None:
 )
 def test_planets_that_can_be_assembled(sun: int, planet: int, ring: int, count: int, fits: bool) -> None:
     teeth = {"sun": sun, "planet": planet, "ring": ring}
-    assert Planetary.assembled({"kind": "planetary", "planets": count, "teeth": teeth}) == fits
+    assert section({"kind": "planetary", "planets": count, "teeth": teeth}).assembled() == fits

@@ -15,14 +15,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from scenes import TRAIN, ran, written
+from scenes import CONFIGS, TRAIN, ran, written
 
-from gearstab.cli.report import facts
+from gearstab.cli.report import contact, facts
 from gearstab.cli.report.content import page
 from gearstab.cli.report.html import html
 from gearstab.cli.report.page import BulletList, Heading, Page, Picture, Table, Text
 from gearstab.cli.report.pdf import MARGIN, PAPER, pdf, sheets
 from gearstab.config import load
+from gearstab.floquet import solve
+from gearstab.floquet.frequencies import per_mesh
 from gearstab.perturbation import Tongue
 from gearstab.plots.drawing.style import style
 from gearstab.systems import build
@@ -105,7 +107,7 @@ def test_the_picture_names_its_axis(tmp_path: Path) -> None:
 def test_too_much_work_is_not_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not the time that a machine takes decides, but the meetings of multipliers: that of fewer speeds is less work."""
     config = load(written(tmp_path, TRAIN + SWEEP))
-    system = build(config.parameters)
+    system = build(config.system)
     assert facts.search_work(system, 4.0, 7.0) == pytest.approx(2 * facts.search_work(system, 4.0, 112 / 22), rel=1e-9)
     monkeypatch.setattr(facts, "MOST_WORK", facts.search_work(system, 3.0, 7.0))
     monkeypatch.setattr(facts.regions, "reach", lambda low, high: (low, high))
@@ -118,7 +120,10 @@ def test_a_region_of_many_tongues_names_the_leading_ones() -> None:
     members = [Tongue(1, 1, s, "first", "higher", f"2w1/{s}", float(s)) for s in range(2, 7)]
     assert facts._label(1.0, 2.0, members, ()) == "2w1/2 & 2w1/3 & 2w1/4 and 2 more"
     assert facts._label(1.0, 2.0, members[:3], ()) == "2w1/2 & 2w1/3 & 2w1/4"
-    rows = [facts.Reach(f"2w1/{s}", "higher", (1, 1), low, 2.0, 0.1, 0.0, True, "-") for s, low in ((4, 1.1), (5, 1.8))]
+    rows = [
+        facts.Reach(f"2w1/{s}", "higher", (1, 1), low, 2.0, 0.1, 0.0, facts.OPEN, "-")
+        for s, low in ((4, 1.1), (5, 1.8))
+    ]
     assert facts._label(1.0, 2.0, members, rows) == "2w1/4 & 2w1/2 & 2w1/3 and 2 more"
 
 
@@ -163,10 +168,39 @@ def test_contact_and_uncertainty(tmp_path: Path) -> None:
     assert re.search(r"probability of instability of the given design is at most 1 ", text)
 
 
+@pytest.fixture(scope="module")
+def drivetrain() -> Page:
+    """The common period is 2128 cycles of the first mesh: nothing is followed over it."""
+    return page(load(CONFIGS / "drivetrains/nrel_5mw.yaml"), lambda text: None)
+
+
+def test_a_gearbox_of_a_long_common_period(drivetrain: Page) -> None:
+    text = " ".join(b.text for b in drivetrain.blocks if isinstance(b, Text))
+    assert "one mesh frequency at a time" in text
+    assert "Largest dynamic load factor" in text
+    limits = next(b for b in drivetrain.blocks if isinstance(b, BulletList))
+    assert "first-order theory" in limits.items[0]
+
+
+def test_regions_of_first_order_in_which_nothing_grows_are_not_called_open(drivetrain: Page) -> None:
+    """Growth rates decide, and the curve shows them: a region that is open has a rate above zero at its speeds."""
+    table = next(b for b in drivetrain.blocks if isinstance(b, Table) and b.header[0] == "region")
+    verdicts = [row[6] for row in table.rows]
+    assert {"open", "no growth found"} <= set(verdicts)
+    config = load(CONFIGS / "drivetrains/nrel_5mw.yaml")
+    system = config.system.build()
+    for row, verdict in zip(table.rows, verdicts, strict=True):
+        if verdict != "open":
+            continue
+        low, high = (float(end) * 2 * np.pi / 60 * 56 for end in row[3].split(" to "))
+        omega = np.linspace(2 * low - high, 2 * high - low, 80)
+        assert per_mesh.solve(system, omega, solve).growth_rate.max() > 0
+
+
 def test_the_worst_speeds() -> None:
     """Local maxima, the ends included."""
-    assert facts._peaks(np.array([3.0, 1.0, 2.0, 2.0, 0.0, 5.0])) == [0, 3, 5]
-    assert facts._peaks(np.array([1.0])) == [0]
+    assert contact._peaks(np.array([3.0, 1.0, 2.0, 2.0, 0.0, 5.0])) == [0, 3, 5]
+    assert contact._peaks(np.array([1.0])) == [0]
 
 
 def test_mistakes(tmp_path: Path) -> None:

@@ -139,3 +139,16 @@ def test_what_is_found(form: str) -> None:
     assert set(circle(edges)) == {"gearstab.a", "gearstab.b"}
     assert upwards(edges, {"gearstab": 3, "a": 1, "b": 2}) == ["gearstab.a -> gearstab.b"]
     assert upwards(edges, {"gearstab": 3, "a": 1, "b": 1}) == ["gearstab.a -> gearstab.b", "gearstab.b -> gearstab.a"]
+
+
+ASKS = {"damping": r"\bdamping is (not )?None", "terms": r"(\bif |\bwhile |\bnot |bool\()[\w.]*\.terms\b"}
+"""Tests of what a system is, by regular expressions."""
+MAY_ASK = ("system.py", "propagation/", "floquet/dispatch.py")
+
+
+def test_what_a_system_is_is_asked_in_few_places() -> None:
+    files = {f.relative_to(PACKAGE).as_posix(): f.read_text() for f in PACKAGE.rglob("*.py")}
+    elsewhere = [text for name, text in files.items() if not name.startswith(MAY_ASK)]
+    for name, test in ASKS.items():
+        assert sum(len(re.findall(test, text)) for text in elsewhere) <= 5, name
+    assert not [name for name, text in files.items() if re.search(r"isinstance\([^)]*RotatingPair\)", text)]

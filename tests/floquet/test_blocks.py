@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from systems import HARD_CASES, random_split, rotated, star, train
 
 from gearstab.floquet import solve
-from gearstab.floquet.report import reduction
+from gearstab.floquet.dispatch import reduction
 from gearstab.floquet.segments import reduction as elastic_reduction
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.decouple import DISCARDED, adapted, components

@@ -29,7 +29,7 @@ def solved(system: Document, folder: Path, factor: float = 1.0) -> tuple[Floquet
     """The solution at ``factor`` times the frequencies, and the common periods there."""
     path = folder / "random.yaml"
     path.write_text(json.dumps({"system": system}))
-    built = build(load(path).parameters)
+    built = build(load(path).system)
     frequencies = FREQUENCIES * factor
     return solve(built, frequencies), 2 * np.pi * float(built.common_period()[0]) / frequencies
 

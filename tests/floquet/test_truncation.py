@@ -12,7 +12,7 @@ from scenes import ran
 from systems import star, train
 
 from gearstab.floquet import solve
-from gearstab.floquet.report import reduction
+from gearstab.floquet.dispatch import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, split_degenerate_group, type_basis
 from gearstab.system import Cyclic, GearSystem
 

@@ -17,7 +17,7 @@ from systems import KINDS, chain, damped_patterns, patterns, system, two_stage
 
 from gearstab import ckernel
 from gearstab.floquet import STATUS_FLAGS, solve
-from gearstab.floquet.kernel import c_kernel, damped, invariants, threads
+from gearstab.floquet.kernel import c_kernel, invariants, threads
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, UNSTABLE
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.system import GearSystem, Mesh
@@ -268,8 +268,7 @@ def rounding(pattern, generator, omega):
     largest error seen, 42 of these units, and ten times as much for other processors.
     """
     found = np.empty(omega.shape)
-    for row, frequencies in enumerate(omega):
-        matrices, _ = damped.monodromy(generator, pattern, row, frequencies)
+    for row, matrices in enumerate(numpy_kernel.products_damped(pattern, generator, omega)[0]):
         for k, matrix in enumerate(matrices):
             values, left, right = eig(matrix, left=True)
             first = np.abs(values).argmax()

@@ -107,8 +107,8 @@ class TestArguments:
         one = np.ones((1, 1, 3))
         with pytest.raises(ValueError, match="shapes"):
             ckernel.library.scan_damped(
-                "plain", (1, 1, 1, 1, 3, 1.0), one, one, np.ones((1, 1)), np.zeros(1, dtype=np.int64),
-                np.zeros(1, dtype=np.int64), np.ones((1, 1, 3, 3)), 0, 1, 1, *np.ones((3, 1, 1)),
+                "plain", (1, 1, 1, 1, 3, -1, 1.0), one, one, np.ones((1, 1)), np.zeros(1, dtype=np.int64),
+                np.zeros(1, dtype=np.int64), np.ones((1, 1, 3, 3)), *np.ones((2, 0)), 0, 1, 1, *np.ones((3, 1, 1)),
             )  # fmt: skip
 
     def test_unknown_level(self):

@@ -43,8 +43,8 @@ def long_call() -> None:
     values = np.broadcast_to(frequency, (1, states, m)).copy()
     index = np.arange(states, dtype=np.int64)
     ckernel.library.exponents(
-        ckernel.simd(), (1, states, states, states, m, 1.0), -0.2 * np.abs(values), values,
-        np.full((1, states), 1 / states), index, index, change, 0, points // 8, points,
+        ckernel.simd(), (1, states, states, states, m, -1, 1.0), -0.2 * np.abs(values), values,
+        np.full((1, states), 1 / states), index, index, change, *np.empty((2, 0)), 0, points // 8, points,
         np.linspace(0.05, 0.06, points)[None], np.empty((1, points, m), dtype=complex),
     )  # fmt: skip
 

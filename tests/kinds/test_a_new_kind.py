@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from pydantic import Field
 
-from gearstab.config import ConfigError, load, parameters_at
+from gearstab.config import ConfigError, load
 from gearstab.config.model.fields import Mass, Quantity, ShortName
 from gearstab.config.schema import schema
 from gearstab.config.starts import commented
@@ -47,11 +47,10 @@ class Anchored(System):
     def size(cls, raw: dict[str, Any]) -> int:
         return 1
 
-    @classmethod
-    def build(cls, p: dict[str, Any]) -> GearSystem:
-        mass, spring = (np.asarray(p[key], dtype=float)[..., None, None] for key in ("mass", "spring"))
-        mesh = build_mesh(p["meshes"][0], np.ones(1))
-        return with_damping(GearSystem(mass, spring, (mesh,), coordinates=("x",)), p)
+    def equations(self) -> GearSystem:
+        mass, spring = (np.asarray(value, dtype=float)[..., None, None] for value in (self.mass, self.spring))
+        mesh = build_mesh(self.meshes[0], np.ones(1))
+        return with_damping(GearSystem(mass, spring, (mesh,), coordinates=("x",)), self)
 
 
 TEXT = """\
@@ -80,7 +79,7 @@ def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def test_a_new_kind_is_configured_built_and_swept(written: Any) -> None:
     config = load(written("250 g"))
-    system = build(parameters_at(config, {"spring": np.array([0, 1])}))
+    system = build(config.at({"spring": np.array([0, 1])}))
     np.testing.assert_array_equal(system.mass[..., 0, 0], 0.25)
     np.testing.assert_array_equal(system.mean_stiffness_matrix()[:, 0, 0], [4.0, 9.0])
     assert system.meshes[0].name == "only"
@@ -91,8 +90,8 @@ def test_a_new_kind_is_configured_built_and_swept(written: Any) -> None:
 def test_a_number_with_a_short_name_is_an_axis(written: Any) -> None:
     config = load(written("250 g"), ("preload=3",))
     assert (config.axes[2].name, config.axes[2].units, config.axes[2].long_name) == ("preload", "N", "preload")
-    parameters = parameters_at(config, {"preload": np.array([0, 1])})
-    np.testing.assert_array_equal(parameters["meshes"][0]["preload"], [1000.0, 2000.0])
+    system: Any = config.at({"preload": np.array([0, 1])})
+    np.testing.assert_array_equal(system.meshes[0].preload, [1000.0, 2000.0])
 
 
 def test_it_is_offered_to_start_from(written: Any) -> None:

@@ -73,7 +73,7 @@ def test_the_teeth_of_a_train_give_its_ratio(tmp_path: Path) -> None:
     config = read(tmp_path, TRAIN + SWEEP)
     assert config.tree["system"]["tooth_ratio"] == "34/21"
     same = read(tmp_path, TRAIN.replace("teeth:", "tooth_ratio: 34/21, teeth:") + SWEEP)
-    assert same.parameters["tooth_ratio"] == config.parameters["tooth_ratio"]
+    assert same.system["tooth_ratio"] == config.system["tooth_ratio"]
 
 
 @pytest.mark.parametrize("system", [PAIR, TRAIN])

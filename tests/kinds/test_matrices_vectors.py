@@ -37,7 +37,7 @@ def text(names: str, direction: str, left: str) -> str:
 def test_a_mapping_is_the_list_with_zeros(tmp_path: Path, names: str, direction: str, left: str) -> None:
     short, long = read(tmp_path, text(names, direction, left)), read(tmp_path, text(names, "[1, 0, -2]", "[0, 0.5, 0]"))
     assert short.tree["system"] == long.tree["system"]  # the resolved configuration holds lists
-    system = build(short.parameters)
+    system = build(short.system)
     np.testing.assert_array_equal(system.meshes[0].direction, [1, 0, -2])
     np.testing.assert_array_equal(system.terms[0].left, [0, 0.5, 0])
     np.testing.assert_array_equal(system.forces[0].direction, [0, 0.5, 0])
@@ -48,7 +48,7 @@ def test_matrices_from_a_file_tell_the_size(tmp_path: Path) -> None:
     np.savez(tmp_path / "model.npz", mass=np.eye(40), stiffness=2 * np.eye(40))
     mesh = "{direction: {q40: 1, q7: 0.1}, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}"
     config = read(tmp_path, f"system: {{kind: matrices, file: model.npz, meshes: [{mesh}]}}")
-    assert np.flatnonzero(build(config.parameters).meshes[0].direction).tolist() == [6, 39]
+    assert np.flatnonzero(build(config.system).meshes[0].direction).tolist() == [6, 39]
 
 
 @pytest.mark.parametrize(
@@ -67,6 +67,6 @@ def test_mistakes_have_their_places(tmp_path: Path, direction: str, path: str, h
 
 def test_a_unit_is_understood_and_the_schema_knows_mappings(tmp_path: Path) -> None:
     config = read(tmp_path, text("coordinate_units: rad", "{q1: 25 mm, q2: 1}", "[0, 1, 0]"))
-    np.testing.assert_allclose(build(config.parameters).meshes[0].direction, [0.025, 1, 0], rtol=1e-15)
+    np.testing.assert_allclose(build(config.system).meshes[0].direction, [0.025, 1, 0], rtol=1e-15)
     direction = schema()["$defs"]["MatrixMesh"]["properties"]["direction"]
     assert {form["type"] for form in direction["anyOf"]} == {"array", "object"}

@@ -12,7 +12,6 @@ import pytest
 from planetary_gears import SUPPORTS, configuration, parameters
 from scenes import problems, ran, read, written
 
-from gearstab.config.model.axes import parameters_at
 from gearstab.floquet import solve
 from gearstab.modal import mean_modes
 from gearstab.system import GearSystem
@@ -58,9 +57,9 @@ def test_an_even_number_of_planets_stays_diametrically_opposite() -> None:
 def test_phases_are_those_of_parker_and_lin_of_sun_and_ring(tmp_path: Path) -> None:
     """gamma_sn = z_s psi_n/2 pi, gamma_rn - gamma_r1 = -z_r psi_n/2 pi: equal only where the planets fit."""
     config = read(tmp_path, SCENE)
-    psi = config.parameters["angles"]
-    assert config.parameters["teeth"]["ring"] == 27 + 2 * 20
-    lags = {mesh.name: float(mesh.lag) for mesh in build(config.parameters).meshes}
+    psi = config.system["angles"]
+    assert config.system["teeth"]["ring"] == 27 + 2 * 20
+    lags = {mesh.name: float(mesh.lag) for mesh in build(config.system).meshes}
     for n, angle in enumerate(psi, start=1):
         for name, teeth in (("sun", 27), ("ring", -67)):
             turns = lags[f"{name}{n}"] - lags[f"{name}1"] - teeth * angle / tau
@@ -113,9 +112,9 @@ def together(system: GearSystem) -> np.ndarray:
 def test_an_angle_can_be_an_axis(tmp_path: Path) -> None:
     scene = text(**BY_PHASES, **{"angles: assemble": "angles: [0, 1.5, 3.1, 4.6]"})
     config = read(tmp_path, f"{scene}sweep: {{angles.1: [1.4, 1.6]}}\nmethods: {{perturbation: {{}}}}\n")
-    both = build(parameters_at(config, {"angles.1": np.array([0, 1])}))
+    both = build(config.at({"angles.1": np.array([0, 1])}))
     for k, angle in enumerate((1.4, 1.6)):
-        one = build({**config.parameters, "angles": [0, angle, 3.1, 4.6]})
+        one = build(config.system.model_copy(update={"angles": [0, angle, 3.1, 4.6]}))
         np.testing.assert_allclose(both.mean_stiffness_matrix()[k], one.mean_stiffness_matrix(), rtol=1e-12, atol=1e-6)
 
 
@@ -126,7 +125,7 @@ def test_the_resolved_configuration_holds_angles_and_teeth(tmp_path: Path) -> No
 
 
 def test_equal_angles_that_can_be_assembled_keep_the_symmetry(tmp_path: Path) -> None:
-    p = read(tmp_path, text(**{"sun: 27": "sun: 28"})).parameters
+    p = read(tmp_path, text(**{"sun: 27": "sun: 28"})).system
     assert p.get("angles") is None
     assert build(p).symmetries
 

@@ -122,8 +122,8 @@ system:
 
 def test_a_gear_that_turns_the_other_way_is_its_mirror_image(tmp_path: Path) -> None:
     """Other flanks and the other order of phases: the same growth; with one of the two alone another gear."""
-    there = with_teeth(read(tmp_path, TEXT.format("sense: counter-clockwise")).parameters)
-    back = with_teeth(read(tmp_path, TEXT.format("sense: clockwise")).parameters)
+    there = with_teeth(read(tmp_path, TEXT.format("sense: counter-clockwise")).system)
+    back = with_teeth(read(tmp_path, TEXT.format("sense: clockwise")).system)
     assert back["pressure_angles"]["sun"] == -there["pressure_angles"]["sun"]
     half = back | {"pressure_angles": there["pressure_angles"]}
     omega = np.linspace(2e4, 9e4, 60)

@@ -50,7 +50,7 @@ def section(system: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.parametrize("case", RANDOM, ids=[case["name"] for case in RANDOM])
 def test_multipliers_of_random_systems(case: dict[str, Any]) -> None:
-    system = build(load({"system": section(case["system"])}).parameters)
+    system = build(load({"system": section(case["system"])}).system)
     points = case["points"]
     found = solve(system, np.array([point["mesh_frequency"] for point in points]), exponents=True)
     for k, point in enumerate(points):
@@ -69,7 +69,7 @@ def rotor(rotation: dict[str, Any], mass: Any, stiffness: Any, damping: Any = No
         "kind": "matrices", "mass": mass, "stiffness": stiffness, "meshes": [mesh],
         "rotation": {"speed": speed, **rotation},
     } | ({"damping": damping} if damping is not None else {})  # fmt: skip
-    (form,) = elastic_forms(build(load({"system": system}).parameters))
+    (form,) = elastic_forms(build(load({"system": system}).system))
     values = np.linalg.eigvals(form.generators(np.zeros(1))) * form.rate
     return values[np.lexsort((values.real, values.imag))]
 

@@ -41,7 +41,7 @@ def growth(values, period: float) -> float:
 def test_a_rotating_shaft_with_friction() -> None:
     """Every number from the configuration's text, not from what the program made of it."""
     config = load(WAVEFORMS / "rotating_shaft.yaml", ["terms.friction.stiffness.amplitude=0.2"])
-    system = build(config.parameters)
+    system = build(config.system)
     gyroscopic = np.array([[0.03, 0.2], [-0.2, 0.03]])
     for omega in (1.3, 2.25, 2.6, 3.4):
         period = 2 * np.pi / omega
@@ -59,7 +59,7 @@ def test_a_rotating_shaft_with_friction() -> None:
 
 def test_mesh_damping_that_follows_parabolic_pairs() -> None:
     config = load(WAVEFORMS / "pairs.yaml", ["sweep.contact_ratio=[1.6]", "contact_ratio=1.6"])
-    system = build(config.parameters)
+    system = build(config.system)
 
     def mesh(x: float) -> float:
         pairs = [(x % 1 + j) / 1.6 for j in (0, 1)]
@@ -83,7 +83,7 @@ def test_mesh_damping_that_follows_parabolic_pairs() -> None:
 
 def test_sampled_stiffness_from_its_file() -> None:
     config = load(WAVEFORMS / "sampled.yaml", ["sweep.epsilon=[0.35]"])
-    system = build(config.parameters | {"meshes": [config.parameters["meshes"][0] | {"epsilon": 0.35}]})
+    system = build(config.system | {"meshes": [config.system["meshes"][0] | {"epsilon": 0.35}]})
     samples = np.loadtxt(WAVEFORMS / "mesh_stiffness.csv", delimiter=",", skiprows=2)[:, 1]
     # Twenty-four equal steps: trigonometric interpolation differs from the spline by O(h^4), 1e-4 of the variation.
     harmonics = np.fft.rfft(samples) / len(samples)

@@ -24,7 +24,7 @@ START, STOP = 0.35, 3.5
 
 def mathieu(epsilon) -> GearSystem:
     """The gear pair of the configuration: a = 4/Omega^2, q = epsilon a."""
-    p = load(CONFIG).parameters
+    p = load(CONFIG).system
     return build(p | {"meshes": [p["meshes"][0] | {"epsilon": np.asarray(epsilon, dtype=float)}]})
 
 

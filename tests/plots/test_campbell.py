@@ -84,10 +84,31 @@ def test_regions_lie_where_an_order_meets_their_modes(train) -> None:
         assert min(abs(s * x / 2 - y) for s in (1, 3)) < 1e-9
     closed = np.asarray(panel["closed"]["one"].get_offsets())
     np.testing.assert_allclose(sorted(closed[:, 0]), sorted(r for (p, q, s), r in inside.items() if p == q and s == 2))
-    pairs = np.asarray(panel["regions"]["two"].get_offsets())[:, 0]
-    assert sorted(set(np.round(pairs[pairs > 0.36], 9))) == pytest.approx(
-        sorted(root for (p, q, s), root in inside.items() if p != q and s != 2)
-    )
+    # A region of two modes is marked where a drawn order passes the mean of their frequencies.
+    pairs = np.asarray(panel["regions"]["two"].get_offsets())
+    means = sorted((root, (w[p] + w[q]) / 2) for (p, q, s), root in inside.items() if p != q and s != 2)
+    np.testing.assert_allclose(sorted(map(tuple, pairs[pairs[:, 0] > 0.36])), means, rtol=1e-9)
+
+
+def test_higher_orders_than_those_drawn_are_not_marked() -> None:
+    """Seven harmonics, of which six are drawn: every mark lies on one of the lines."""
+    tree = swept("mesh_frequency: {start: 0.35, stop: 7, num: 5}", "perturbation: {harmonics: 7}", TRAIN)
+    (panel,) = draw(tree, "campbell")[1]["panels"]
+    slopes = np.array([np.ptp(line.get_ydata()) / np.ptp(line.get_xdata()) for line in panel["orders"]])
+    assert len(slopes) == 6
+    for kind in ("one", "two"):
+        x, y = np.asarray(panel["regions"][kind].get_offsets()).T
+        assert np.abs(y[:, None] / x[:, None] / slopes - 1).min(axis=1).max() < 1e-9
+
+
+def test_every_order_has_its_number_and_every_mark_its_entry(train) -> None:
+    figure, artists = draw(train, "campbell", select={"epsilon": "0.3", "input_shaft_stiffness": "0.2"})
+    (panel,) = artists["panels"]
+    numbers = [text.get_text() for text in figure.axes[0].texts if "times" in text.get_text()]
+    assert len(numbers) == len(panel["orders"])
+    entries = [text.get_text() for text in artists["legend"].get_texts()]
+    sorts = {"instability of one mode", "instability of two modes", "one mode, closed", "two modes, closed"}
+    assert sorts <= set(entries)
 
 
 def test_bands_are_the_regions_and_names_those_of_the_widest(train) -> None:
@@ -171,6 +192,17 @@ def test_input_speeds_in_rpm_and_frequencies_in_hertz() -> None:
     edges = tree["perturbation"]["boundary_frequency"].values / (2 * np.pi) / 20 * 60
     spans = np.array([path.vertices[:, 0].min() for path in panel["bands"].get_paths()])
     assert set(np.round(spans, 6)) <= set(np.round(np.clip(edges, 300, 6000)[:, 0], 6))
+
+
+def test_frequencies_from_two_thousand_hertz_on_are_drawn_in_kilohertz() -> None:
+    stiff = REDUCER.replace("e4}", "e6}")
+    assert stiff != REDUCER
+    tree = swept('input_speed: ["300 rpm", "20000 rpm"]', "perturbation: {}", stiff)
+    figure, artists = draw(tree, "campbell")
+    assert figure.axes[0].get_ylabel() == "frequency (kHz)"
+    elastic = tree["modes"]["natural_frequency"].values[1:] / (2000 * np.pi)
+    assert elastic.max() > 2
+    assert [line.get_ydata()[0] for line in artists["panels"][0]["modes"]] == pytest.approx(list(elastic))
 
 
 def test_natural_frequencies_that_change_are_asked_for() -> None:

@@ -22,7 +22,8 @@ from gearstab.errors import PlotError, ResultError, UserError
 from gearstab.info.result import describe, report
 from gearstab.plots import KINDS, draw
 from gearstab.plots.axes import LISTS
-from gearstab.plots.drawing.style import save
+from gearstab.plots.drawing.style import save, style
+from gearstab.plots.drawing.text import plain
 from gearstab.results.export import export
 from gearstab.results.write import result_tree, write_result
 
@@ -125,6 +126,27 @@ def test_drawing_leaves_the_parameters_of_matplotlib_alone(tmp_path):
     assert dict(mpl.rcParams) == before
 
 
+def test_a_style_sheet_changes_the_figure_and_nothing_after_it(tmp_path):
+    sheet = tmp_path / "mine.mplstyle"
+    sheet.write_text("axes.labelsize: 14\n")
+    before = dict(mpl.rcParams)
+    figure, _ = draw(made.response(), dpi=80, style=str(sheet))
+    assert figure.axes[-1].xaxis.label.get_size() == 14
+    save(figure, tmp_path / "figure.png", sheet=str(sheet))
+    assert dict(mpl.rcParams) == before
+
+
+def test_text_by_latex_escapes_names_and_needs_its_programs(tmp_path, monkeypatch):
+    """Names of users are text: LaTeX would read an ampersand or an underscore as an instruction."""
+    monkeypatch.setattr("gearstab.plots.drawing.style.which", lambda program: f"/programs/{program}")
+    with style("latex"):
+        assert plain("Lin & Parker: mesh_1, 50 % {a}") == r"Lin \& Parker: mesh\_1, 50 \% \{a\}"
+    assert plain("a & b_c $5") == r"a & b_c \$5"
+    monkeypatch.setattr("gearstab.plots.drawing.style.which", lambda program: None)
+    with pytest.raises(PlotError, match="latex, dvipng"):
+        draw(made.response(), style="latex")
+
+
 def test_a_figure_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
     path = tmp_path / "figure.png"
     path.write_bytes(b"old")
@@ -179,6 +201,7 @@ def test_the_command_takes_a_kind_and_a_file(result, tmp_path):
         (["--kind", "response"], ["no time response"]),
         (["--kind", "map"], ["left over: phasing"]),
         (["--variable", "noise", "--kind", "slices"], ["noise", "growth_rate"]),
+        (["--kind", "slices", "--style", "nowhere"], ["nowhere", "latex", "ggplot"]),
         (["-o", "figure.gif"], [".gif", ".png, .pdf, .svg"]),
         (["-o", "figure"], [".png, .pdf, .svg"]),
     ],

@@ -15,7 +15,9 @@ from driven import integrated, integrated_along, train
 
 from gearstab.floquet import solve
 from gearstab.floquet.general import solve as general
+from gearstab.floquet.truncation import neglected
 from gearstab.methods import METHODS, OptionError
+from gearstab.modal import mean_modes
 from gearstab.passage.propagator import growth, motion
 from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import excitation
@@ -177,3 +179,9 @@ def test_methods_that_take_the_first_order_form_declare_it() -> None:
     declared = {name for name, method in METHODS.items() if Feature.UNSYMMETRIC_DAMPING in method.supports}
     assert declared == {"floquet", "natural_frequencies", "response"}
     assert unsupported(toy(), METHODS["floquet"].supports) is None
+
+
+def test_modes_of_a_system_that_rotates_are_chosen_by_what_its_meshes_couple() -> None:
+    system = turning()
+    basis = mean_modes(system).shapes[:, :2]
+    assert neglected(system, basis) == neglected(bare(), basis) > 0

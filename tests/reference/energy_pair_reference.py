@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from math import pi
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scenes import DATA
 
 from gearstab.rotating_pair import RotatingPair
-from gearstab.systems import gear_pair
+from gearstab.systems import build
 
 REFERENCE: dict[str, Any] = json.loads((DATA / "energy_pair.json").read_text())
 """Trajectories in 50 digits, orbits and multipliers, edges of tongues, lines of spectra; see "source" in it."""
@@ -34,7 +34,7 @@ PARAMETERS: dict[str, Any] = {
 
 def pair(formulation: str = "energy_conserving", **changes: Any) -> RotatingPair:
     """The pair with changed parameters."""
-    return gear_pair.RotatingGearPair.build(PARAMETERS | {"formulation": formulation} | changes)
+    return cast(RotatingPair, build(PARAMETERS | {"formulation": formulation} | changes))
 
 
 def theta_dot(rpm: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import degrees
+from math import cos, degrees
 
 from gearstab.gears.pair import Pair
 
@@ -28,7 +28,8 @@ class IsoStiffness:
 
 
 def iso_stiffness(pair: Pair, rack_factor: bool = True) -> IsoStiffness:
-    """c', c_gamma of a spur pair of solid discs by method B of ISO 6336-1:2006.
+    """c', c_gamma of a pair of solid discs by method B of ISO 6336-1:2006: c' takes cos beta, q' the numbers of teeth
+    z/cos^3 beta of equivalent spur gears, c_gamma the transverse contact ratio.
 
     ``rack_factor``: C_B = [1 + 0.5 (1.2 - h_fP/m)] [1 - 0.02 (20 - alpha)], without which c' holds for the basic rack
     of h_fP = 1.2 m and 20 degrees; the mean of both gears' is taken. Materials other than steel enter by the mean of
@@ -37,8 +38,8 @@ def iso_stiffness(pair: Pair, rack_factor: bool = True) -> IsoStiffness:
     The standard gives it for x1 >= x2 and -0.5 <= x1 + x2 <= 2, contact ratios from 1.2 to 1.9 and more than 100 N/mm.
     """
     one, two = pair.pinion, pair.wheel
-    x1, x2, z1 = one.profile_shift, two.profile_shift, one.teeth
-    inverse2 = 0.0 if two.internal else 1 / two.teeth
+    x1, x2, z1 = one.profile_shift, two.profile_shift, one.teeth / cos(one.helix_angle) ** 3
+    inverse2 = 0.0 if two.internal else cos(two.helix_angle) ** 3 / two.teeth
     q = 0.04723 + 0.15551 / z1 + 0.25791 * inverse2 - 0.00635 * x1 - 0.11654 * x1 / z1
     q += -0.00193 * x2 - 0.24188 * x2 * inverse2 + 0.00529 * x1**2 + 0.00182 * x2**2
     material = 2 * one.young * two.young / (one.young + two.young) / STEEL
@@ -46,5 +47,5 @@ def iso_stiffness(pair: Pair, rack_factor: bool = True) -> IsoStiffness:
     factor = sum(
         (1 + 0.5 * (1.2 - gear.dedendum)) * (1 - 0.02 * (20 - degrees(gear.pressure_angle))) for gear in (one, two)
     )
-    single = theoretical * THEORY_FACTOR * (factor / 2 if rack_factor else 1.0)
+    single = theoretical * THEORY_FACTOR * cos(one.helix_angle) * (factor / 2 if rack_factor else 1.0)
     return IsoStiffness(theoretical, single, single * (0.75 * pair.contact_ratio + 0.25))

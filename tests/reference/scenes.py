@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 import xarray as xr
 from click.testing import CliRunner, Result
+from pydantic import BaseModel
 
 from gearstab.cli import group, main
 from gearstab.config import Config, ConfigError, Problem, load
@@ -87,3 +89,10 @@ def code(*words: str) -> int:
         main(words)
     assert isinstance(raised.value.code, int)
     return raised.value.code
+
+
+def plain(value: Any) -> Any:
+    """A section of a configuration as nested dicts and lists of what its fields hold, without fields that are None."""
+    if isinstance(value, BaseModel):
+        return {name: plain(item) for name, item in value if item is not None}
+    return [plain(item) for item in value] if isinstance(value, list | tuple) else value

@@ -298,7 +298,7 @@ def test_only_backlash_has_something_to_discard(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no mesh has backlash"):
         load(path)
     path.write_text(text)
-    assert load(path).parameters["meshes"][0]["backlash"] == 2.0
+    assert load(path).system["meshes"][0]["backlash"] == 2.0
 
 
 def test_a_drive_side_needs_a_load(tmp_path: Path) -> None:
@@ -313,8 +313,8 @@ def test_a_drive_side_needs_a_load(tmp_path: Path) -> None:
 
 def test_gearboxes_have_backlash_but_not_with_friction() -> None:
     source: Any = ROOT / "configs" / "kuria_kihiu_2008" / "gearbox.yaml"
-    name = next(iter(load(source).parameters["meshes"]))["name"]
-    system = build(load(source, [f"system.meshes.{name}.backlash=1.0e-4"]).parameters)
+    name = next(iter(load(source).system["meshes"]))["name"]
+    system = build(load(source, [f"system.meshes.{name}.backlash=1.0e-4"]).system)
     assert float(system.meshes[0].backlash) == 1e-4
     with pytest.raises(ConfigError, match="is not available with friction"):
         load(source, [f"system.meshes.{name}.backlash=1.0e-4", f"system.meshes.{name}.friction={{coefficient: 0.1}}"])

@@ -138,7 +138,7 @@ def test_a_run_up_of_a_large_gearbox_takes_little_memory() -> None:
     """No matrix for each of its steps: 16384 at once, of 64 x 64 complex numbers, would be 1074 MB."""
     config = load(ROOT / "configs" / "design" / "gearbox_run_up.yaml", needs=("respond",))
     assert isinstance(config.respond, Respond)
-    system = build(config.parameters)
+    system = build(config.system)
     tracemalloc.start()
     found = ramp_response(system, path_of(config.respond), config.respond.samples_per_cycle)
     peak = tracemalloc.get_traced_memory()[1]

@@ -79,7 +79,7 @@ methods:
     ratio, epsilon, inertia = (stats.norm(1.5, 0.1).ppf(points[:, 0]),
                                stats.triang(1 / 3, 0.2, 0.3).ppf(points[:, 1]),
                                0.3 + stats.uniform(-0.1, 0.2).ppf(points[:, 2]))  # fmt: skip
-    base = read(tmp_path, text).parameters
+    base = read(tmp_path, text).system
     for phasing in (0.0, 0.3):
         unstable = []
         for c, e, m in zip(ratio, epsilon, inertia, strict=True):
@@ -279,7 +279,7 @@ sweep: {mesh_frequency: [1.9]}
 methods: {tolerance: {parameters: {epsilon: {triangular: [0.1, 0.2, 0.3]}, equivalent_mass: {normal: [1000 g, 10 g]}}}}
 """
     config = read(tmp_path, text)
-    assert config.parameters["meshes"][0]["epsilon"] == 0.2
+    assert config.system["meshes"][0]["epsilon"] == 0.2
     assert config.tree["methods"]["tolerance"]["parameters"]["equivalent_mass"]["normal"] == [1.0, 0.01]
     again = read(tmp_path, config.resolved)
     assert again.digest == config.digest

@@ -54,7 +54,7 @@ def test_samples_are_searched_one_by_one(tmp_path, monkeypatch):
     uncertain, design = planned.config.uncertainties, planned.layouts[-1].method.design
     whole = result_of(tmp_path, SEVERAL, "tongue_probability")
     count = dict.fromkeys(whole["label"].values, 0)
-    parameters = planned.config.parameters
+    parameters = planned.config.system
     for numbers in design.points:
         system = build(uncertain.sampled(parameters, numbers[None]))
         found = boundaries(system, 2.0, 6.0, 1e-6, 1e-6).arranged()

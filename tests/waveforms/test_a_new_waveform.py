@@ -60,7 +60,7 @@ import json
 import sys
 from pathlib import Path
 
-from gearstab.config import ConfigError, load, parameters_at
+from gearstab.config import ConfigError, load
 from gearstab.config.schema import schema
 from gearstab.systems import build
 
@@ -90,7 +90,7 @@ def problems(*args):
 
 
 config = system("{kind: sawtooth, tilt: 0.5}", "[0.25, 1]")
-mesh = build(parameters_at(config, {"meshes.mesh.waveform.tilt": np.array([0, 1])})).meshes[0]
+mesh = build(config.at({"meshes.mesh.waveform.tilt": np.array([0, 1])})).meshes[0]
 print(json.dumps({
     "values": mesh.waveform.value(np.array([0.75])).tolist(),
     "long_name": config.axes[1].long_name,

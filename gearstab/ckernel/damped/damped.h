@@ -1,12 +1,13 @@
 /* Growth of damped patterns: rotations that decay in the real modal coordinates of each state.
 
    A pair of conjugate eigenvalues a +- ib takes two coordinates, a segment acts on them as e^{at} times a rotation by bt; a
-   real eigenvalue takes one. */
+   real eigenvalue takes one. Where states go with the mesh frequency each point has exponentials of its own instead. */
 
 #ifndef GEARSTAB_DAMPED_H
 #define GEARSTAB_DAMPED_H
 
 #define MOST_SQUARE 5.0 /* size of matrices, squared: of larger ones too many points would be left to QR */
+#define PRODUCTS_OF_EXPONENTIAL 10 /* about, with the one of its segment */
 
 /* What follows segment s of row r, (m, m). */
 INLINE const double *change_after(const struct damped *pattern, int64_t m, int64_t r, int64_t s) {
@@ -141,6 +142,55 @@ INLINE void normalise(vec *x, int64_t m, vec *scale) {
         x[i] = x[i] * factor;
 }
 
+/* The same for generators that go with the mesh frequency; work (7, m, m). Matrices are by columns, so that what is multiplied
+   are the transposed ones. */
+INLINE vec propagate_generators_of_size(const struct damped *pattern, int64_t m, int64_t r, vec period, vec *x, vec *work) {
+    vec scale = all(0.0), omega = pattern->cycles / period, *moving = work, *a = work + m * m, *e = a + m * m;
+    for (int64_t i = 0; i < m * m; i++)
+        moving[i] = all(0.0);
+    for (int64_t k = r * pattern->terms; k < (r + 1) * pattern->terms; k++) {
+        const double *law = pattern->law + 3 * k, *b = pattern->by_speed + k * m * m;
+        vec speed = law[0] * omega, square = speed * speed, factor = (law[1] == 2 ? square : speed) / (1.0 - law[2] * square);
+        UNROLLED for (int64_t i = 0; i < m * m; i++)
+            moving[i] += factor * b[i];
+    }
+    for (int64_t s = 0; s < pattern->segments; s++) {
+        const double *own = pattern->generator + (r * pattern->states + pattern->state[s]) * m * m;
+        vec time = TURN * pattern->fractions[r * pattern->segments + s] * period;
+        UNROLLED for (int64_t i = 0; i < m; i++)
+            UNROLLED for (int64_t j = 0; j < m; j++)
+                a[j * m + i] = (own[i * m + j] + moving[i * m + j]) * time;
+        scale += matrix_exponential(a, m, s ? e : x, e + m * m);
+        if (s) {
+            multiplied(x, e, m, a);
+            UNROLLED for (int64_t i = 0; i < m * m; i++)
+                x[i] = a[i];
+        }
+        if (m > FEW_COORDINATES && gearstab_stopped())
+            break;
+        if (s % RESCALE_EVERY == RESCALE_EVERY - 1 || s + 1 == pattern->segments)
+            normalise(x, m, &scale);
+    }
+    return scale;
+}
+
+static NOT_INLINED vec propagate_generators(const struct damped *pattern, int64_t r, vec period, vec *x, vec *work) {
+    switch (pattern->m) {
+    case 4: return propagate_generators_of_size(pattern, 4, r, period, x, work);
+    case 6: return propagate_generators_of_size(pattern, 6, r, period, x, work);
+    default: return propagate_generators_of_size(pattern, pattern->m, r, period, x, work);
+    }
+}
+
+/* Room for `matrices` of LANES points of a pattern and for work on them; NULL when there is none. */
+static vec *damped_room(const struct damped *pattern, int64_t matrices, vec **work, void **memory) {
+    int64_t m = pattern->m, more = pattern->generator ? 7 * m * m : m * (m + 4);
+    more = more > m * (m + 4) ? more : m * (m + 4);
+    vec *x = vectors(matrices * m * m + more, memory);
+    *work = x ? x + matrices * m * m : NULL;
+    return x;
+}
+
 /* What propagate_damped does, m a constant where this is inlined. */
 INLINE vec propagate_damped_of_size(const struct damped *pattern, int64_t m, int paired, int64_t r, vec period, vec *x, vec *work) {
     vec scale = all(0.0), *cosine = work, *sine = work + m, *q = work + 2 * m;
@@ -167,9 +217,11 @@ INLINE vec propagate_damped_of_size(const struct damped *pattern, int64_t m, int
     return scale;
 }
 
-/* One period, x (m, m) by columns, divided by exp(scale); work (m + 2, m). paired: whether all rotations act on
+/* One period, x (m, m) by columns, divided by exp(scale); work of damped_room. paired: whether all rotations act on
    coordinates two by two. Compiled once for each small size, as propagate. */
 static NOT_INLINED vec propagate_damped(const struct damped *pattern, int paired, int64_t r, vec period, vec *x, vec *work) {
+    if (pattern->generator)
+        return propagate_generators(pattern, r, period, x, work);
     switch (paired ? pattern->m : 0) {
     case 2: return propagate_damped_of_size(pattern, 2, 1, r, period, x, work);
     case 4: return propagate_damped_of_size(pattern, 4, 1, r, period, x, work);
@@ -208,6 +260,7 @@ struct fit {
     struct cut cut;
     struct stretch stretch;
     double rate, square; /* of the size, the largest at the nodes */
+    double noise;        /* as of classify */
 };
 
 INLINE void fit_cut(struct fit *of, const struct damped *pattern, int64_t m, int64_t r, int64_t points, const double *omega) {
@@ -221,8 +274,8 @@ INLINE void fit_cut(struct fit *of, const struct damped *pattern, int64_t m, int
         for (int64_t i = 0; i < m; i++)
             of->cut.type += 0.5 * fabs(fraction) * hypot(pattern->frequency[at + i], pattern->decay[at + i] - mean);
     }
-    cut_points(&of->cut, m - 1, pattern->cycles, (double)(pattern->segments * (12 * m + m * m * (m + 2)) + m * m * m), points,
-               omega);
+    int64_t segment = pattern->generator ? PRODUCTS_OF_EXPONENTIAL * m * m * m : 12 * m + m * m * (m + 2);
+    cut_points(&of->cut, m - 1, pattern->cycles, (double)(pattern->segments * segment + m * m * m), points, omega);
 }
 
 /* The polynomials of a part; 0 if they cannot be trusted. */
@@ -258,6 +311,7 @@ INLINE int fit_set(struct fit *of, const struct damped *pattern, int64_t m, int6
         left = own > left ? own : left;
     }
     stretch->noise = ROUNDING * (2.0 + of->cut.type * longest / CLEAR_PHASE);
+    of->noise = size * (1.0 / 3.0) * (1.0 + of->cut.type * longest / CLEAR_PHASE);
     return left <= LAST_TERMS * size;
 }
 
@@ -337,6 +391,23 @@ INLINE void leave_to_qr(struct queue *queue, int64_t m, mask sure, int64_t at, i
     }
 }
 
+/* Where multipliers are inverse in pairs, m = 4 or 6: the value from the polynomial of rho = lambda + 1/lambda, by the rules of
+   traces.h; returns where it is sure. Squaring takes four times as long for roots that all lie on one circle. */
+INLINE mask decide_pairs(const struct damped *pattern, int64_t m, const struct fit *fit, vec scale, struct spectrum *of) {
+    vec factor = exponential(scale), square = factor * factor, s[3];
+    s[0] = of->e[1] * factor;
+    s[1] = of->e[2] * square - (double)(m / 2);
+    s[2] = m == 6 ? of->e[3] * factor * square - 2.0 * s[0] : all(0.0);
+    struct decision found = m == 6 ? classify(s, 3, pattern->limits, fit ? fit->noise : 0.0)
+                                   : classify(s, 2, pattern->limits, fit ? fit->noise : 0.0);
+    mask unstable = ~(found.stable | found.doubtful);
+    vec growth = all(0.0);
+    if (any(unstable))
+        growth = choose(unstable, m == 6 ? growth_of(s, 3) : growth_of(s, 2), growth);
+    of->value = growth - scale;
+    return ~found.doubtful;
+}
+
 /* Points begin..end-1 of a row; small: whether m is 4 or 6, a constant where this is inlined, and the rotations go two by
    two; fit: where these points are interpolated. x (m, m), of BATCH such matrices if small, and work (m + 4, m). */
 INLINE void scan_damped_points(const struct damped *pattern, int64_t m, int small, int64_t r, const struct fit *fit,
@@ -356,16 +427,19 @@ INLINE void scan_damped_points(const struct damped *pattern, int64_t m, int smal
                 taken = propagate_damped(pattern, 0, r, period, x, work);
             store_part(scale, k + c * LANES, end, taken);
         }
-        if (small) {
+        if (small && !pattern->limits) {
             for (int64_t c = count; c % TOGETHER; c++)
                 spectrum[c] = spectrum[count - 1];
             for (int64_t c = 0; c < count; c += TOGETHER)
                 approximate(spectrum + c, m);
         }
         for (int64_t c = 0; c < count; c++) {
-            mask sure = small ? refine(spectrum + c, m) : (mask){0};
             int64_t at = k + c * LANES;
-            vec value = choose(sure, spectrum[c].value, all(0.0)), taken = load_part(scale, at, end);
+            vec taken = load_part(scale, at, end);
+            mask sure = !small ? (mask){0}
+                        : pattern->limits ? decide_pairs(pattern, m, fit, taken, spectrum + c)
+                                          : refine(spectrum + c, m);
+            vec value = choose(sure, spectrum[c].value, all(0.0));
             if (fit && any(~sure)) { /* QR takes a matrix */
                 vec period = pattern->cycles / load_part(omega, at, end);
                 vec own = describe_period(pattern, r, period, x + c * m * m, work, &spectrum[c]);
@@ -397,9 +471,11 @@ INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int small, 
     }
 }
 
-/* Whether all pairs of eigenvalues of a row begin at even places. */
+/* Whether all pairs of eigenvalues of a row begin at even places, as far as that matters. */
 static int goes_in_pairs(const struct damped *pattern, int64_t r) {
     const double *frequency = pattern->frequency + r * pattern->states * pattern->m;
+    if (pattern->generator)
+        return pattern->m % 2 == 0;
     for (int64_t i = 0; i < pattern->states * pattern->m; i += 2)
         if (i + 1 == pattern->states * pattern->m || (frequency[i] == 0) != (frequency[i + 1] == 0))
             return 0;
@@ -410,10 +486,9 @@ static int scan_damped(const struct damped *pattern, int64_t first, int64_t last
                        double *growth, double *scale, double *multipliers) {
     int64_t m = pattern->m, matrices = m > LARGEST_POWER ? 1 : BATCH;
     void *memory;
-    vec *x = vectors((matrices + 1) * m * m + m * (m + 4), &memory);
+    vec *work, *x = damped_room(pattern, matrices + 1, &work, &memory);
     if (!x)
         return -1;
-    vec *work = x + (matrices + 1) * m * m;
     struct queue queue = {.x = x + matrices * m * m};
     for (int64_t r = first; r < last && !gearstab_stopped(); r++) {
         const double *asked = omega + r * points;

@@ -35,15 +35,6 @@ static int factor_room_for(struct factor_room *room, int64_t factors, int64_t m)
     return 0;
 }
 
-/* Divide x (m, m) by a power of two near its size and add its exponent: thousands of these sums round nothing. */
-INLINE void divide_by_power(vec *x, int64_t m, vec *exponent) {
-    vec own = smaller(exponent_of(larger(largest_entry(x, m * m), all(DBL_MIN))), all(1022.0));
-    vec shifted = 0x1.8p52 - own, factor = (vec)(((bits)shifted + 1023) << 52);
-    *exponent += own;
-    for (int64_t i = 0; i < m * m; i++)
-        x[i] = x[i] * factor;
-}
-
 /* How much growth and decay differ in each segment of a row (S,), over the period, and in all of them. */
 static double spread_of(const struct damped *pattern, int64_t r, double *spread) {
     double total = 0.0;

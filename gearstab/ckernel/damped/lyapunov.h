@@ -99,17 +99,6 @@ INLINE void both_changed(const double *b, int64_t m, vec *x, vec *work) {
         }
 }
 
-/* result = x y for matrices of vectors. */
-INLINE void multiplied(const vec *x, const vec *y, int64_t m, vec *result) {
-    for (int64_t i = 0; i < m; i++)
-        UNROLLED for (int64_t j = 0; j < m; j++) {
-            vec sum = x[i * m] * y[j];
-            UNROLLED for (int64_t k = 1; k < m; k++)
-                sum += x[i * m + k] * y[k * m + j];
-            result[i * m + j] = sum;
-        }
-}
-
 /* P - X^T P X = D by doubling; p holds D and becomes P, x is destroyed; work (2, m, m). */
 INLINE void solve_by_doubling(int64_t m, const struct lyapunov *settings, vec *p, vec *x, vec *work) {
     vec *product = work, *other = work + m * m;

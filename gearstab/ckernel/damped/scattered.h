@@ -11,20 +11,17 @@ INLINE int64_t together(const int64_t *row, int64_t first, int64_t last) {
     return count;
 }
 
-/* Room for LANES points: x (m, m) and work (m + 4, m); NULL when there is none. */
-static vec *scattered_room(int64_t m, void **memory) { return vectors(m * m + m * (m + 4), memory); }
-
 static int products(const struct damped *pattern, int64_t first, int64_t last, const int64_t *row, const double *cycle,
                     double *matrix, double *scale) {
     const int64_t m = pattern->m;
     void *memory;
-    vec *x = scattered_room(m, &memory);
+    vec *work, *x = damped_room(pattern, 1, &work, &memory);
     if (!x)
         return -1;
     for (int64_t k = first, count; k < last && !gearstab_stopped(); k += count) {
         count = together(row, k, last);
         vec period = pattern->cycles * load_part(cycle + k, 0, count);
-        vec taken = propagate_damped(pattern, 0, row[k], period, x, x + m * m);
+        vec taken = propagate_damped(pattern, 0, row[k], period, x, work);
         for (int64_t lane = 0; lane < count; lane++) {
             double *to = matrix + (k + lane) * m * m;
             scale[k + lane] = taken[lane];
@@ -61,12 +58,12 @@ static int moduli(const struct damped *pattern, int64_t first, int64_t last, con
                   double *logs) {
     const int64_t m = pattern->m;
     void *memory;
-    vec *x = scattered_room(m, &memory);
+    vec *work, *x = damped_room(pattern, 1, &work, &memory);
     if (!x)
         return -1;
     for (int64_t k = first, count; k < last && !gearstab_stopped(); k += count) {
         count = together(row, k, last);
-        vec period = pattern->cycles * load_part(cycle + k, 0, count), *work = x + m * m;
+        vec period = pattern->cycles * load_part(cycle + k, 0, count);
         logs_of(pattern, m, goes_in_pairs(pattern, row[k]), row[k], period, count, x, work, logs + k * m);
     }
     free(memory);

@@ -164,19 +164,19 @@ static PyObject *py_magnus(PyObject *self, PyObject *arguments) {
     const char *name;
     Py_ssize_t count, m, first, last, points;
     const Py_buffer *view = b.view;
-    if (!PyArg_ParseTuple(arguments, "snnOOOnnnOOO", &name, &count, &m, &o[0], &o[1], &o[2], &first, &last, &points, &o[3],
-                          &o[4], &o[5]) ||
-        !take(&b, o, "ddddDD"))
+    if (!PyArg_ParseTuple(arguments, "snnOOnnnOOO", &name, &count, &m, &o[0], &o[1], &first, &last, &points, &o[2], &o[3],
+                          &o[4]) ||
+        !take(&b, o, "dddDD"))
         return finish(&b, 1, 0);
     steps.count = count, steps.m = m;
-    steps.coefficients = view[0].buf, steps.length = view[1].buf, steps.growth = view[2].buf;
+    steps.coefficients = view[0].buf, steps.length = view[1].buf;
     const struct level *level = level_named(name);
     int failed = 0, fit = level && m > 0 && first >= 0 && last <= points && FITS(&view[0], 8, count, 5, m, m) &&
-                          FITS(&view[1], 8, count) && FITS(&view[2], 8, count) && FITS(&view[3], 8, points) &&
-                          FITS(&view[4], 8, points, m, m) && FITS(&view[5], 8, points);
+                          FITS(&view[1], 8, count) && FITS(&view[2], 8, points) && FITS(&view[3], 8, points, m, m) &&
+                          FITS(&view[4], 8, points);
     if (fit) {
         begin_call();
-        failed = level->magnus(&steps, first, last, view[3].buf, view[4].buf, view[5].buf);
+        failed = level->magnus(&steps, first, last, view[2].buf, view[3].buf, view[4].buf);
         end_call();
     }
     return finish(&b, fit, failed);
@@ -272,21 +272,19 @@ static PyMethodDef METHODS[] = {
      "traces(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, bound, "
      "omega, rho)"},
     {"scan_damped", py_scan_damped, METH_VARARGS,
-     "scan_damped(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
-     "first, last, points, omega, growth, scale, multipliers=)"},
+     "scan_damped(level, (rows, segments, states, changes, m, terms, cycles), *pattern, first, last, points, omega, growth, "
+     "scale, multipliers=, limits=)"},
     {"moduli", py_moduli, METH_VARARGS,
-     "moduli(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
-     "first, last, points, row, cycle, logs)"},
+     "moduli(level, (rows, segments, states, changes, m, terms, cycles), *pattern, first, last, points, row, cycle, logs)"},
     {"products", py_products, METH_VARARGS,
-     "products(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
-     "first, last, points, row, cycle, matrix, scale)"},
+     "products(level, (rows, segments, states, changes, m, terms, cycles), *pattern, first, last, points, row, "
+     "cycle, matrix, scale)"},
     {"radii", py_radii, METH_VARARGS,
-     "radii(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
-     "weight, (part, longest, pieces, rounding, largest, least, negligible, bisections, doublings, unknowns), first, last, "
+     "radii(level, (rows, segments, states, changes, m, terms, cycles), *pattern, weight, (part, longest, pieces, "
+     "rounding, largest, least, negligible, bisections, doublings, unknowns), first, last, "
      "points, row, cycle, growth, radius)"},
     {"exponents", py_exponents, METH_VARARGS,
-     "exponents(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
-     "first, last, points, omega, logs)"},
+     "exponents(level, (rows, segments, states, changes, m, terms, cycles), *pattern, first, last, points, omega, logs)"},
     {"graded", py_graded, METH_VARARGS, "graded(level, count, m, first, last, points, factors, logs)"},
     {"light_modes", py_light_modes, METH_VARARGS,
      "light_modes(count, n, squared, shapes, damping, values, vectors, inverse, found)"},
@@ -296,7 +294,7 @@ static PyMethodDef METHODS[] = {
     {"trace_condition", py_trace_condition, METH_VARARGS, "trace_condition(count, n, rho, least, moved, apart)"},
     {"symmetric", py_symmetric, METH_VARARGS, "symmetric(level, count, n, matrix, values, vectors)"},
     {"magnus", py_magnus, METH_VARARGS,
-     "magnus(level, count, m, coefficients, length, growth, first, last, points, period, matrix, scale)"},
+     "magnus(level, count, m, coefficients, length, first, last, points, period, matrix, scale)"},
     {"eigenvalues", py_eigenvalues, METH_VARARGS, "eigenvalues(level, count, m, first, last, matrix, values)"},
     {"follow", py_follow, METH_VARARGS,
      "follow((size, width, meshes, functions, cells, order, degree, known, busiest, most_at_once, fine, most_halvings), "

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from math import isnan
+from math import isnan, pi
 from typing import TYPE_CHECKING, Any
 
-from gearstab.cli.report import facts
+from gearstab.cli.report import contact, facts
 from gearstab.cli.report.facts import ShownSpeeds, State
 from gearstab.cli.report.page import Block, BulletList, Heading, Page, Picture, Table, Text
 from gearstab.errors import NotPossible, UserError
@@ -16,15 +16,21 @@ if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.design.solution import Solution
 
+EXACT = (
+    "Edges of open regions are exact for this model, to 1e-7 of the mesh frequency; regions narrower than 1e-5 of it "
+    "are left out. What closes a region is proposed by first-order theory and listed where exact search confirms it, "
+    "unless it is called not verified. Regions that damping closes are those of first order."
+)
+FIRST_ORDER = (
+    "Regions, their edges and what closes them are those of first-order theory. A region counts as open where growth "
+    "rates of Floquet theory, {strategy}, are positive in it or beside it."
+)
 LIMITS = (
     "The model is a linear system of rigid bodies and springs whose mesh stiffness varies periodically with time at "
     "constant speed. Instability means that its vibration grows without bound; a real gear then loses contact, "
     "hammers and settles to a large nonlinear vibration, which this report does not predict.",
     "Instability is parametric: it needs neither a transmission error nor an imbalance. Forced resonance, wear, "
     "lubrication, and changes of speed are not judged here.",
-    "Edges of open regions are exact for this model, to 1e-7 of the mesh frequency; regions narrower than 1e-5 of it "
-    "are left out. What closes a region is proposed by first-order theory and listed where exact search confirms it, "
-    "unless it is called not verified. Regions that damping closes are those of first order.",
     "The required damping is one modal damping ratio for all modes. That of real gears is known to a factor of two or "
     "so.",
     "Mesh stiffness and its variation are as uncertain as their source: computed from teeth, the variation, and with "
@@ -32,6 +38,7 @@ LIMITS = (
 )
 
 
+SUMMED = " of one mesh frequency at a time, the largest deviations of all added up"
 STEPS = ("instability regions", "pictures", "contact of the teeth", "uncertainty")
 """What :func:`page` says that it begins; a search of designs says more before the first."""
 
@@ -60,7 +67,7 @@ def page(config: Config, say: Callable[[str], None], unit: str = "") -> Page:
     say(STEPS[3])
     blocks += _uncertainty(config, states[0], shown)
     blocks += _modes(states[0])
-    blocks += [Heading("Assumptions and limits"), BulletList(LIMITS)]
+    blocks += [Heading("Assumptions and limits"), BulletList([_sureness(states[0]), *LIMITS])]
     blocks += _provenance(config)
     return Page(config.title, blocks)
 
@@ -83,18 +90,20 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     from gearstab.design.reasons.tongues import single
     from gearstab.methods.boundaries import BoundaryAnalysis
     from gearstab.support import unsupported
-    from gearstab.systems import build
 
     if solution is None:
-        system = build(config.parameters)
+        system = config.system.build()
         if refused := unsupported(system, BoundaryAnalysis.supports):
             raise NotPossible(f"a report {refused[0]}", refused[1])
-        return [facts.state_of("given", system, _spans(config), config)]
-    found = []
-    for word, design in (("given", solution.problem.given[0]), ("proposed", solution.optimum)):
-        system, spans, p = single(solution.problem, design)
-        found.append(facts.state_of(word, system, spans, replace(config, parameters=p)))
-    return found
+        spans = _spans(config)
+        return [facts.state_of("given", system, spans, config, facts.curve_speeds(spans))]
+    designs = {"given": solution.problem.given[0], "proposed": solution.optimum}
+    found = {word: single(solution.problem, design) for word, design in designs.items()}
+    speeds = facts.curve_speeds([span for _, spans, _ in found.values() for span in spans])
+    return [
+        facts.state_of(word, system, spans, replace(config, system=p), speeds)
+        for word, (system, spans, p) in found.items()
+    ]
 
 
 def _spans(config: Config) -> tuple[Any, ...]:
@@ -155,7 +164,7 @@ def _time(state: State) -> str:
 def _verdict(state: State, shown: ShownSpeeds) -> str:
     searched = (f" {state.uncovered}." if state.uncovered else "") if state.complete else (
         " The search for all regions would take too long: those that first order expects and the growth rate at "
-        f"{facts.SPEEDS} speeds were looked at."
+        f"{len(state.speeds)} speeds were looked at."
     )  # fmt: skip
     if not state.open and state.growth_rate > 0:
         return f"Unstable: vibration grows by up to {state.growth_rate:.3g} e-folds per {_time(state)}.{searched}"
@@ -195,10 +204,10 @@ def _regions(state: State, shown: ShownSpeeds) -> Iterator[Block]:
     rows = [
         [
             item.label, item.kind, ", ".join(dict.fromkeys(map(str, item.modes))),
-            shown.text(item.lower, item.upper) if item.open else f"around {shown.text(item.lower)}",
+            shown.text(item.lower, item.upper) if item.open else f"around {shown.text(item.middle)}",
             "-" if isnan(item.required) else f"{item.required:.3g}",
             "none" if item.available == 0 else "-" if isnan(item.available) else f"{item.available:.3g}",
-            "open" if item.open else "closed by damping", item.remedies,
+            item.verdict, item.remedies,
         ]
         for item in state.reaching
     ]  # fmt: skip
@@ -279,19 +288,19 @@ def _design(solution: Solution) -> Iterator[Block]:
 def _contact(states: Sequence[State], shown: ShownSpeeds) -> Iterator[Block]:
     yield Heading("Contact of the teeth")
     for state in states:
-        found = facts.separation(state)
+        found = contact.separation(state)
         if found is None:
             words = "Nothing drives the system in the configuration, so that loss of contact is not judged"
             yield Text(f"{words}: give a load and transmission errors.")
             return
-        worst, count, looked, factor = found
-        places = ", ".join(shown.text(speed) for speed in worst)
-        words = "teeth stay in contact" if not count else (
-            f"a mesh force changes its sign, so that teeth part, at {count} of {looked} speeds"
-            + (f"; the worst are {places} {shown.unit}".rstrip() if worst else "")
+        places = ", ".join(shown.text(speed) for speed in found.worst)
+        words = "teeth stay in contact" if not found.count else (
+            f"a mesh force changes its sign, so that teeth part, at {found.count} of {found.looked} speeds"
+            + (f"; the worst are {places} {shown.unit}".rstrip() if found.worst else "")
         )  # fmt: skip
-        word = state.word.capitalize()
-        yield Text(f"{word} design, linear steady state: {words}. Largest dynamic load factor {factor:.4g}.")
+        word, how = state.word.capitalize(), SUMMED if found.bound else ""
+        factor = f"Largest dynamic load factor {found.load_factor:.4g}"
+        yield Text(f"{word} design, linear steady state{how}: {words}. {factor}.")
 
 
 def _uncertainty(config: Config, state: State, shown: ShownSpeeds) -> Iterator[Block]:
@@ -320,23 +329,34 @@ def _modes(state: State) -> Iterator[Block]:
     modes = natural_modes(state.system)
     ratios, kinds = modal_damping_ratios(state.system, modes), type_names(state.system, modes)
     yield Heading("Natural frequencies of the given design")
-    if state.system.general:
+    frequencies = mode_frequencies(state.system, modes)
+    if "symmetric_frequency" in frequencies:
         yield Text(
             "They are damped ones, of the whole mean system; types and damping ratios are those of the modes of its "
             "symmetric part that its motions resemble."
         )
-    frequencies = mode_frequencies(state.system, modes)["natural_frequency"]
+    natural = frequencies["natural_frequency"]
+    hertz = [] if "time" in state.system.dimensionless else ["Hz"]
     rows = [
-        [str(k + 1), f"{w:.6g}", kinds[k], "-" if ratios[k] != ratios[k] else f"{ratios[k]:.4g}"]
-        for k, w in enumerate(frequencies[:MOST_MODES])
-    ]
-    yield Table(["mode", f"natural frequency{in_brackets(state.system, 'rad/s')}", "type", "damping ratio"], rows)
-    if len(frequencies) > MOST_MODES:
-        yield Text(f"and {len(frequencies) - MOST_MODES} more, up to {frequencies[-1]:.6g}.")
+        [str(k + 1), f"{w:.6g}", *(f"{w / (2 * pi):.5g}" for _ in hertz), kinds[k],
+         "-" if ratios[k] != ratios[k] else f"{ratios[k]:.4g}"]
+        for k, w in enumerate(natural[:MOST_MODES])
+    ]  # fmt: skip
+    unit = in_brackets(state.system, "rad/s")
+    yield Table(["mode", f"natural frequency{unit}", *hertz, "type", "damping ratio"], rows)
+    if len(natural) > MOST_MODES:
+        yield Text(f"and {len(natural) - MOST_MODES} more, up to {natural[-1]:.6g}.")
 
 
 MOST_MODES = 24
 """Modes that are listed; gearstab info has all."""
+
+
+def _sureness(state: State) -> str:
+    """How sure the regions are."""
+    if state.verified:
+        return EXACT
+    return FIRST_ORDER.format(strategy=state.strategy.reason.replace("_", " "))
 
 
 def _provenance(config: Config) -> Iterator[Block]:

@@ -1,10 +1,10 @@
-"""What a report says of a design: regions, damping required and at hand, loss of contact, probability."""
+"""What a report says of a design: regions, damping required and at hand, probability."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,25 +14,24 @@ import numpy as np
 from gearstab.config import Config
 from gearstab.design.judging import regions
 from gearstab.design.problem import Span
-from gearstab.floquet import solve
 from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.floquet.boundaries.damped.proof import MODULI
 from gearstab.floquet.boundaries.damped.search import COARSEST, PURSUIT
 from gearstab.floquet.boundaries.solve import BUDGET
-from gearstab.floquet.frequencies.choice import AFFORDABLE, common_period
-from gearstab.floquet.report import reduction
+from gearstab.floquet.dispatch import in_modes, reduction
+from gearstab.floquet.frequencies.choice import Strategy
+from gearstab.floquet.frequencies.period import AFFORDABLE, common_period
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
+from gearstab.methods.floquet import Floquet
 from gearstab.modal import modal_damping_ratios
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED
 from gearstab.symmetry import natural_modes
 from gearstab.system import Array, GearSystem
 
-SPEEDS = 801
-"""Speeds at which growth rates are computed."""
-WORST = 3
-"""Speeds at which teeth part that are named."""
+SPEEDS, BEYOND = 801, 101
+"""Speeds of a range, and beyond either end of all ranges, at which growth rates are computed."""
 MOST_WORK = 2.4e11
 """Multiplications of the search for all regions, by :func:`search_work`, from which on those near the tongues of first
 order must do: about a minute."""
@@ -41,6 +40,10 @@ CONTACT = 8
 NAMED = 3
 """Tongues of one region that are named."""
 NONE = float("nan")
+OPEN, CLOSED, NOT_FOUND = "open", "closed by damping", "no growth found"
+"""Verdicts on a region."""
+INSIDE = 65
+"""Speeds in and next to a region of first order at which growth is looked for."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +84,18 @@ class Reach:
     upper: float
     required: float
     available: float
-    open: bool
+    verdict: str
     remedies: str
+
+    @property
+    def middle(self) -> float:
+        """Where it is, or would be."""
+        return 0.5 * (self.lower + self.upper)
+
+    @property
+    def open(self) -> bool:
+        """Whether it makes speeds unstable."""
+        return self.verdict == OPEN
 
 
 @dataclass(frozen=True)
@@ -91,7 +104,8 @@ class State:
 
     regions: all that were found in and near the ranges. complete: whether these are all there are. verified: whether
     the remedies are. refuted: remedies of first order that exact search refuted. uncovered: what is neither proved nor
-    counted stable, "" where nothing is; and what has certificates, where these are asked for.
+    counted stable, "" where nothing is; and what has certificates, where these are asked for. speeds, growth_rates:
+    ``(P,)``, mesh frequencies in and near the ranges, and the growth rates there.
     """
 
     word: str
@@ -102,20 +116,44 @@ class State:
     narrow: int
     regions: tuple[tuple[float, float, str], ...]
     open: tuple[tuple[float, float, str], ...]
-    growth_rate: float
+    speeds: Array
+    growth_rates: Array
     outside: tuple[float, str] | None
     complete: bool
     verified: bool
     refuted: int
     uncovered: str
 
+    @property
+    def strategy(self) -> Strategy:
+        """How growth rates are computed where there are several mesh frequencies."""
+        return Floquet.whole(self.config.methods.floquet, self.system).strategy
 
-def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Config) -> State:
-    """Find out about a design, what is cheap first. Raises NotPossible for a system without a common period."""
-    omega = np.concatenate([np.linspace(span.low, span.high, SPEEDS) for span in spans])
-    growth = float(np.nanmax(_growth(config, system, omega)))
+    @property
+    def growth_rate(self) -> float:
+        """The largest growth rate in the operating ranges."""
+        inside = [(self.speeds >= span.low) & (self.speeds <= span.high) for span in self.spans]
+        return float(np.nanmax(self.growth_rates[np.any(inside, axis=0)]))
+
+
+def curve_speeds(spans: Sequence[Span]) -> Array:
+    """``(P,)``, mesh frequencies of operating ranges, SPEEDS of each, and beyond their ends, ascending."""
+    low, high = min(span.low for span in spans), max(span.high for span in spans)
+    away = 0.15 * (high - low)
+    beyond = [np.linspace(max(low - away, 0.8 * low), low, BEYOND), np.linspace(high, high + away, BEYOND)]
+    return np.unique(np.concatenate([*beyond, *(np.linspace(span.low, span.high, SPEEDS) for span in spans)]))
+
+
+def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Config, speeds: Array) -> State:
+    """Find out about a design, what is cheap first. Raises NotPossible for a system without a common period.
+
+    speeds: mesh frequencies of the growth rates, see :func:`curve_speeds`.
+    """
+    growth = Floquet.whole(config.methods.floquet, system).solved(speeds).growth_rate[0]
     found = [judged(config, system, span.low, span.high, HARMONICS) for span in spans]
-    rows = {row["label"]: _reach(system, row, True) for one in found for row in one["open"]}
+    sure = {one["verified"] for one in found} == {True}
+    opened = [_reach(system, row, True) for one in found for row in one["open"]]
+    rows = {item.label: item if sure else _looked_at(item, config, system) for item in opened}
     closed = {row["label"]: _reach(system, row, False) for one in found for row in one["closest"]}
     reaching = sorted(({**closed, **rows}).values(), key=lambda item: item.lower)
     near = regions.reach(min(span.low for span in spans), max(span.high for span in spans))
@@ -127,26 +165,14 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
         edges = zip(own.lower.tolist(), own.upper.tolist(), own.members, strict=True)
         real = tuple((a, b, _label(a, b, members, rows.values())) for a, b, members in edges)
     else:
-        real = tuple((item.lower, item.upper, item.label) for item in rows.values())
+        real = tuple((item.lower, item.upper, item.label) for item in rows.values() if item.open)
     open_ = tuple(item for item in real if _touches(item[0], item[1], spans))
     away = [(min(max(a - s.high, s.low - b) for s in spans), label) for a, b, label in real]
     outside = min(((d, label) for d, label in away if d > 0), default=None)
     return State(
-        word, system, spans, config, tuple(reaching), max(len(open_) - len(rows), 0), real, open_, growth, outside,
-        complete, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
-        uncovered or "",
+        word, system, spans, config, tuple(reaching), max(len(open_) - len(rows), 0), real, open_, speeds, growth,
+        outside, complete, sure, sum(one["refuted"] for one in found), uncovered or "",
     )  # fmt: skip
-
-
-def _growth(config: Config, system: GearSystem, omega: Array) -> Array:
-    """Growth rates at mesh frequencies, with several of them by the strategy of the configuration."""
-    from gearstab.methods.floquet import Floquet, FloquetOptions
-
-    if len(set(system.frequency_ratios)) < 2:
-        return solve(system, omega).growth_rate
-    options = config.methods.floquet or FloquetOptions()
-    whole = options.model_copy(update={"modes": None, "block": None, "exponents": False})
-    return np.asarray(Floquet(whole, system).run(omega).values["growth_rate"])
 
 
 def search_work(system: GearSystem, low: float, high: float) -> float:
@@ -156,7 +182,7 @@ def search_work(system: GearSystem, low: float, high: float) -> float:
     terms it keeps to its budgets where its fewest points do.
     """
     parts = reduction(system).parts
-    if system.damped or system.general:
+    if system.damped or not in_modes(system):
         budgets = (2 + PURSUIT) * BUDGET
         return budgets + sum(MODULI * COARSEST * part.segments * (2.0 * part.size) ** 3 for part in parts)
     frequency = np.nan_to_num(natural_modes(system).natural_frequency)
@@ -205,17 +231,23 @@ def _reach(system: GearSystem, row: dict[str, Any], open_: bool) -> Reach:
     cells = {name: cell(closed) for name, cell in CLOSED_BY.items() if name != "damping ratio"}
     words = "; ".join(f"{name}: {text}" for name, text in cells.items() if text) if open_ else ""
     required = closed.get("damping_ratio") or NONE
-    return Reach(row["label"], row["kind"], modes, edges[0], edges[1], required, available, open_, words or "-")
+    return Reach(row["label"], row["kind"], modes, edges[0], edges[1], required, available,
+                 OPEN if open_ else CLOSED, words or "-")  # fmt: skip
+
+
+def _looked_at(item: Reach, config: Config, system: GearSystem) -> Reach:
+    """A region of first order, which counts as open where vibration grows in it or as far as it is wide beside it."""
+    away = item.upper - item.lower
+    omega = np.linspace(max(item.lower - away, 0.5 * item.lower), item.upper + away, INSIDE)
+    growth = Floquet.whole(config.methods.floquet, system).solved(omega).growth_rate[0]
+    return item if np.any(growth > 0) or np.isnan(growth).all() else replace(item, verdict=NOT_FOUND)
 
 
 def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
-    """The growth rates and regions of designs, as the figure ``design`` wants them."""
+    """The growth rates and regions of designs of the same speeds, as the figure ``design`` wants them."""
     import xarray as xr
 
-    spans = [span for state in states for span in state.spans]
-    low, high = min(span.low for span in spans), max(span.high for span in spans)
-    away = 0.15 * (high - low)
-    speed = np.linspace(max(low - away, 0.8 * low), high + away, SPEEDS)
+    speed = states[0].speeds
     inside = [[r for r in state.regions if r[0] < speed[-1] and r[1] > speed[0]] for state in states]
     labels = [label for one in inside for _, _, label in one]
     edges = np.full((max(1, len(labels)), 2, len(states)), np.nan)
@@ -224,7 +256,7 @@ def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
         for lower, upper, _ in one:
             edges[place, :, k] = max(lower, speed[0]), min(upper, speed[-1])
             place += 1
-    rates = np.stack([_growth(state.config, state.system, speed)[0] for state in states], axis=1)
+    rates = np.stack([state.growth_rates for state in states], axis=1)
     ends = np.stack([[[s.low, s.high] for s in state.spans] for state in states], axis=-1)
     data = xr.Dataset(
         {
@@ -244,33 +276,6 @@ def _unit(system: GearSystem, unit: str) -> str:
     from gearstab.results.units import unit_of
 
     return unit_of(system, unit)
-
-
-def separation(state: State) -> tuple[list[float], int, int, float] | None:
-    """The worst speeds at which teeth would part in the linear steady state, how many of how many speeds do so, and the
-    largest load factor. None where nothing drives the system.
-    """
-    from gearstab.response.linear.speeds import speed_response
-    from gearstab.response.linear.steady import STATUS_FLAGS
-
-    if not state.system.forced:
-        return None
-    parting: list[tuple[float, float]] = []
-    count, looked, factor = 0, 0, 0.0
-    for span in state.spans:
-        omega = np.linspace(span.low, span.high, 201)
-        found = speed_response(state.system, omega)
-        parts = (found.status[0] & STATUS_FLAGS["separation"]) != 0
-        factors = np.nan_to_num(np.nanmax(found.dynamic_load_factor[0].reshape(len(omega), -1), axis=1))
-        count, looked, factor = count + int(parts.sum()), looked + len(omega), max(factor, float(factors.max()))
-        parting += [(float(factors[k]), float(omega[k])) for k in _peaks(factors) if parts[k]]
-    return [speed for _, speed in sorted(parting, reverse=True)[:WORST]], count, looked, factor
-
-
-def _peaks(values: Array) -> list[int]:
-    """Places of local maxima, ends included."""
-    padded = np.concatenate([[-np.inf], values, [-np.inf]])
-    return np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])).tolist()
 
 
 def probability(config: Config, state: State) -> tuple[float, float, float, float] | None:

@@ -9,7 +9,6 @@ from gearstab.config.configuration import Config
 from gearstab.config.document.problems import Problem
 from gearstab.config.document.yaml import Document
 from gearstab.system import GearSystem
-from gearstab.systems import build, model_of
 
 LARGEST_PHASE = 1e14
 """Radians; of larger ones double precision does not hold a hundredth."""
@@ -20,10 +19,10 @@ def check(document: Document, config: Config) -> list[Problem]:
 
     Returns what can, and is hardly what was meant.
     """
-    model_of(config.parameters).check_feasible(document, config)
+    config.system.check_feasible(document, config)
     if document.problems:
         return []
-    system = build(config.parameters)
+    system = config.system.build()
     _check_phases(document, config, system)
     return doubts(document, config, system)
 

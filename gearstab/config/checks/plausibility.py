@@ -21,7 +21,6 @@ from gearstab.config.model.introspection import quantity, type_at
 from gearstab.config.model.units import to_si
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.system import GearSystem
-from gearstab.systems import model_of, train_of
 
 if TYPE_CHECKING:
     from gearstab.systems.gearbox.train import Train
@@ -77,11 +76,11 @@ OUT_OF_PROPORTION = 1e3
 def doubts(document: Document, config: Config, system: GearSystem) -> list[Problem]:
     """What in a valid configuration is hardly meant as it stands. system: that of the base values."""
     found = [*_axes(document, config)]
-    for path, message, hint in model_of(config.parameters).doubts(config.parameters):
+    for path, message, hint in config.system.doubts():
         found.append(document.problem(("system", *path), "unusual", message, hint))
     known = {*ALWAYS} if not _in_si(document, config, system) else None
     found += _numbers(document, config, known)
-    if known is None and not found and (train := train_of(config.parameters)) is not None:
+    if known is None and not found and (train := config.system.train()) is not None:
         found += _gears(document, config, train)
     return list(dict.fromkeys(found))
 
@@ -92,7 +91,7 @@ def _in_si(document: Document, config: Config, system: GearSystem) -> bool:
         return False
     least = SOFTEST_TORSION if system.deflection_unit == "rad" else SOFTEST
     stiff = any(np.max(np.abs(mesh.mean_stiffness)) >= least for mesh in system.meshes)
-    return stiff or model_of(config.parameters).needs_units
+    return stiff or config.system.needs_units
 
 
 # ---- numbers
@@ -103,12 +102,12 @@ def _numbers(document: Document, config: Config, units: set[str] | None) -> Iter
 
     units: those of the numbers that are looked at, None for all.
     """
-    model = model_of(document.data["system"])
+    model = type(config.system)
     swept = {item.path for axis in config.axes for item in axis.assignments}
-    turning = model.turning(config.parameters)
-    for path, value in scalars(config.parameters):
+    turning = config.system.turning(config.system)
+    for path, value in scalars(config.system):
         kind = quantity(type_at(model, path))
-        if kind is None or path in swept:
+        if kind is None or value is None or path in swept:
             continue
         key, unit = _key(path), kind.unit
         if len(path) == 3 and path[0] == "mass":
@@ -197,7 +196,7 @@ def _gears(document: Document, config: Config, train: Train) -> Iterator[Problem
             ("inertia", disc * body**2 / 2, "kg m^2", "kg mm^2"),
             ("mass", disc, "kg", "g"),
         ):
-            value = value_at(config.parameters, ("rotors", k, key))
+            value = value_at(config.system, ("rotors", k, key))
             if value is not None and not 1 / OUT_OF_PROPORTION < value / usual < OUT_OF_PROPORTION:
                 place: Path = ("system", "rotors", k, key)
                 message = f"is {value / usual:.2g} times that of a disc of its size, {usual:.2g} {unit}"
@@ -222,7 +221,7 @@ def _fastest(config: Config, train: Any) -> tuple[Path, float] | None:
     for axis in config.axes:
         if axis.mesh_frequency:
             found.append((float(np.max(axis.mesh_frequency.values)) / cycles, ("sweep", axis.name)))
-    speed = (config.parameters.get("input") or {}).get("speed")
+    speed = value_at(config.system, ("input", "speed"))
     if speed is not None:
         found.append((float(speed), ("system", "input", "speed")))
     if not found:

@@ -12,6 +12,7 @@ from gearstab.config.document.tree import entries, is_number
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import Array, Axis
 from gearstab.config.model.conflicts import plain_number
+from gearstab.config.model.fields import Section
 from gearstab.waveforms import Sampled, TorqueTable
 from gearstab.waveforms.sampled import out_of_table
 from gearstab.waveforms.section import wave_of
@@ -55,13 +56,13 @@ def check_variation(
                 document.report(("system", *place), "not_applicable", message, HINT, value=value)
 
 
-def check_torques(document: Document, parameters: dict[str, Any], axes: Sequence[Axis]) -> None:
+def check_torques(document: Document, system: Any, axes: Sequence[Axis]) -> None:
     """Report torques, in the section or along the axes, that are beyond the table of a file.
 
-    parameters: of the system, in SI units, with the contents of files.
+    system: its section, with the contents of files.
     """
-    for path, waveform in waveforms(parameters, ()):
-        if wave_of(waveform) is not TorqueTable or "torques" not in waveform:
+    for path, waveform in waveforms(system, ()):
+        if wave_of(waveform) is not TorqueTable or waveform.get("torques") is None:
             continue
         place: Path = (*path, "torque")
         given: list[tuple[Path, Any]] = [
@@ -80,10 +81,10 @@ def _constant(values: Any) -> bool:
     return known and bool(np.ptp(np.asarray(values, dtype=float)) == 0)
 
 
-def waveforms(value: Any, path: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+def waveforms(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
     """The sections ``waveform`` below a value, with their paths."""
     for key, inner in entries(value):
-        if key == "waveform" and isinstance(inner, dict):
+        if key == "waveform" and isinstance(inner, dict | Section):
             yield (*path, key), inner
         else:
             yield from waveforms(inner, (*path, key))

@@ -20,13 +20,20 @@ def sequence(value: Any) -> list[Any]:
 
 
 def entries(value: Any) -> Iterable[tuple[str | int, Any]]:
-    """Return key or index and value of all that stands directly in a mapping or list; nothing of other values."""
-    return mapping(value).items() or enumerate(sequence(value))
+    """Return key or index and value of all that stands directly in a mapping, section or list; nothing of others."""
+    if isinstance(value, list | tuple):
+        return enumerate(value)
+    return value.items() if isinstance(value, dict) else iter(value) if is_section(value) else ()
+
+
+def is_section(value: Any) -> bool:
+    """Return whether a value is a section that was read; it is iterated over as pairs of field and value."""
+    return hasattr(value, "model_fields_set")
 
 
 def scalars(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
     """Yield the path and the value of everything below a value that is neither mapping nor list."""
-    if not isinstance(value, dict | list):
+    if not isinstance(value, dict | list | tuple) and not is_section(value):
         yield path, value
     for key, item in entries(value):
         yield from scalars(item, (*path, key))

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar, cast
 
 import numpy as np
 
 from gearstab.config.document.problems import Path
+from gearstab.config.document.tree import is_section
+
+Kind = TypeVar("Kind")
+"""A kind of system."""
 
 Array = np.ndarray
 
@@ -22,7 +26,7 @@ SPEEDS = ("mesh_frequency", "input_speed")
 class Assignment:
     """One parameter that an axis sets.
 
-    path: keys and indices into ``Config.parameters``; MESH_FREQUENCY is the mesh frequency itself.
+    path: fields and indices below ``Config.system``; MESH_FREQUENCY is the mesh frequency itself.
     values: one per point of the axis: a float array, or a list where the parameter is no plain number (an exact ratio).
     factor: of the values over those of the axis.
     name: the path as one writes it, meshes by name; units and title: SI unit, "1" without one, and what it is.
@@ -83,41 +87,40 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Grid:
+class Grid(Generic[Kind]):
     """Systems that differ in what axes set.
 
-    parameters: the section ``system``, ready for ``gearstab.systems.build``; SI numbers, exact ratios as Fraction.
+    system: the section ``system``; SI numbers, exact ratios as Fraction.
     axes: in the order of ``sweep``, none without that section.
     """
 
-    parameters: dict[str, Any]
+    system: Kind
     axes: tuple[Axis, ...]
 
     @property
     def base_is_asked_for(self) -> bool:
-        """Whether the system of the parameters themselves is computed too, beside those of the axes."""
+        """Whether the system of the base values is computed too, in addition to those of the axes."""
         return not self.axes
 
+    def at(self, selection: Mapping[str, Array]) -> Kind:
+        """Return the section ``system`` at points of the grid.
 
-def parameters_at(grid: Grid, selection: Mapping[str, Array]) -> dict[str, Any]:
-    """The parameters at points of the grid.
+        selection: axis name -> index into its points, integer arrays of one shape (rows,). Axes that are not named keep
+        the base values, and the mesh frequency is no number of a system.
 
-    selection: axis name -> index into its points, integer arrays of one shape (rows,). Axes that are not named keep the
-    base values, and the mesh frequency is no parameter of a system.
-
-    Returns ``grid.parameters`` with what the axes set replaced by arrays (rows,); entries of a matrix from a file by
-    a matrix of shape (rows, n, n). A parameter that is no plain number must be the same in all rows, else
-    ValueError: such rows are different systems.
-    """
-    parameters: Any = grid.parameters
-    for axis in grid.axes:
-        if axis.name not in selection:
-            continue
-        rows = np.asarray(selection[axis.name])
-        for item in axis.assignments:
-            if item.path != MESH_FREQUENCY:
-                parameters = replaced(parameters, item.path, _values(axis, item, rows))
-    return dict(parameters)
+        Numbers that the axes set are arrays (rows,); a matrix from a file of which they set entries has the shape
+        (rows, n, n). A field that is no plain number must be the same in all rows, else ValueError: such rows are
+        different systems.
+        """
+        system: Any = self.system
+        for axis in self.axes:
+            if axis.name not in selection:
+                continue
+            rows = np.asarray(selection[axis.name])
+            for item in axis.assignments:
+                if item.path != MESH_FREQUENCY:
+                    system = replaced(system, item.path, _values(axis, item, rows))
+        return cast(Kind, system)
 
 
 def _values(axis: Axis, item: Assignment, rows: Array) -> Any:
@@ -130,7 +133,7 @@ def _values(axis: Axis, item: Assignment, rows: Array) -> Any:
 
 
 def replaced(container: Any, path: Sequence[str | int], value: Any) -> Any:
-    """Return a copy of nested containers in which one entry is replaced; everything else is shared."""
+    """Return a copy of nested sections, lists and matrices in which one entry is replaced; all else is shared."""
     if not path:
         return value
     key = path[0]
@@ -139,9 +142,10 @@ def replaced(container: Any, path: Sequence[str | int], value: Any) -> Any:
         copy = np.array(np.broadcast_to(container, np.shape(value) + container.shape[-2:]))
         copy[..., row, column] = value
         return copy
-    copied: Any = dict(container) if isinstance(container, dict) else list(container)
-    inner = container.get(key) if isinstance(container, dict) else container[key]
-    copied[key] = replaced(inner, path[1:], value)
+    if is_section(container):
+        return container.model_copy(update={str(key): replaced(getattr(container, str(key)), path[1:], value)})
+    copied = list(container)
+    copied[int(key)] = replaced(copied[int(key)], path[1:], value)
     return copied
 
 

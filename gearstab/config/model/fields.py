@@ -55,6 +55,20 @@ class Section(BaseModel):
     misplaced: ClassVar[dict[str, str]] = {}
     """Unknown keys that stand elsewhere, and the remedy for each."""
 
+    def __getitem__(self, name: str) -> Any:
+        """Return a field by its name, as paths do; raises KeyError for what is none."""
+        try:
+            return getattr(self, name)
+        except AttributeError:
+            raise KeyError(name) from None
+
+    def get(self, key: str, default: Any = None) -> Any:
+        value = getattr(self, key, None)
+        return default if value is None else value
+
+    def __or__(self, update: Any) -> Any:
+        return self.model_copy(update=dict(update))
+
 
 @dataclass(frozen=True)
 class Quantity:

@@ -98,9 +98,16 @@ def type_at(model: type[BaseModel], path: Path) -> Any:
     return annotation
 
 
-def as_parameters(value: Any) -> Any:
-    """A model as nested dicts and lists of what its fields hold, without those that hold nothing."""
-    if isinstance(value, BaseModel):
-        fields = {name: getattr(value, name) for name in type(value).model_fields}
-        return {name: as_parameters(item) for name, item in fields.items() if item is not None}
-    return [as_parameters(item) for item in value] if isinstance(value, list | tuple) else value
+def held(section: Any) -> dict[str, Any]:
+    """Return what a section holds, by name, without fields that are not given; nothing of None."""
+    return {} if section is None else {key: value for key, value in dict(section).items() if value is not None}
+
+
+def constructed(annotation: Any, value: Any) -> Any:
+    """Return nested plain data as what an annotation declares: sections, lists of them, values taken as they are."""
+    if is_model(annotation) and isinstance(value, Mapping):
+        known = field_types(annotation)
+        return annotation.model_construct(**{key: constructed(known.get(key), item) for key, item in value.items()})
+    if isinstance(value, list | tuple):
+        return [constructed(entry_type(annotation, i), item) for i, item in enumerate(value)]
+    return value

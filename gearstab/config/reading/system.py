@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gearstab.config.document.problems import Path, Problem, dotted, nearest
 from gearstab.config.document.tree import sequence
 from gearstab.config.document.yaml import Document, value_at
-from gearstab.config.model.axes import Array, Axis
+from gearstab.config.model.axes import Array, Axis, replaced
 
 if TYPE_CHECKING:
     from gearstab.config.sections.design import Design
@@ -27,7 +27,7 @@ class SystemSections:
     """
 
     plain: dict[str, Any]
-    parameters: dict[str, Any]
+    section: System
     contents: dict[str, Array]
     axes: tuple[Axis, ...]
     specs: dict[str, Any]
@@ -64,7 +64,6 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
     """The sections ``system`` and ``sweep``; None after reporting problems."""
     from gearstab.config.checks.samples import check_torques, check_variation
     from gearstab.config.model.conflicts import as_meant, report
-    from gearstab.config.model.introspection import as_parameters
     from gearstab.config.model.validation import validate
     from gearstab.config.sections import sweep
     from gearstab.config.sections.dimensions import check_units
@@ -103,17 +102,18 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
     if system is None:
         return None
     axes = tuple(item[0] for _, item in built if item)
-    undamped = {"damping_ratio": 0.0} if (raw | from_file).get("damping") is None else {}
-    plain = {"kind": raw["kind"]} | undamped | system.model_dump(mode="json", exclude_none=True)
-    parameters = undamped | as_parameters(system) | from_file
+    if system.damping is None and system.damping_ratio is None and "damping" not in contents:
+        system = system.model_copy(update={"damping_ratio": 0.0})
+    plain = {"kind": raw["kind"]} | system.model_dump(mode="json", exclude_none=True)
+    system = system.with_files(contents)
     for where, columns in samples.items():
-        waveform = value_at(parameters, where)
-        waveform.update(WAVEFORMS[waveform["kind"]].from_file(columns))
+        wave = WAVEFORMS[value_at(system, (*where, "kind"))]
+        system = replaced(system, where, value_at(system, where).model_copy(update=wave.from_file(columns)))
     check_variation(document, section, samples, axes)
-    check_torques(document, parameters, axes)
+    check_torques(document, system, axes)
     contents |= {dotted(where): values for where, values in samples.items()}
     specs = {name: item[1] for name, item in built if item}
-    return SystemSections(plain, parameters, contents, axes, specs, context, targets, wanted, doubts)
+    return SystemSections(plain, system, contents, axes, specs, context, targets, wanted, doubts)
 
 
 def _name_meshes(document: Document, model: type[System]) -> None:

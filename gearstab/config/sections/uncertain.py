@@ -22,6 +22,7 @@ from gearstab.tolerance.distributions import DISTRIBUTIONS, Distribution
 
 if TYPE_CHECKING:
     from gearstab.config.sections.sweep import Context
+    from gearstab.systems.base import System
 
 SECTION: Path = ("methods", "tolerance")
 OUTSIDE = 1e-6
@@ -71,17 +72,17 @@ class Uncertainties:
     correlation: Array
     groups: tuple[int, ...]
 
-    def sampled(self, parameters: dict[str, Any], points: Array) -> dict[str, Any]:
-        """Return the parameters of a system with those that are uncertain replaced by arrays ``(N,)``.
+    def sampled(self, system: System, points: Array) -> System:
+        """Return the section ``system`` with the numbers that are uncertain replaced by arrays ``(N,)``.
 
         points: ``(N, d)`` in the unit cube. What they are replaced by may depend on arrays that stand there already.
         """
         for own, u in zip(self.parameters, points.T, strict=True):
             for path, factor in own.paths:
                 if path != MESH_FREQUENCY:
-                    present = _present(parameters, path) if own.deviation else 0.0
-                    parameters = replaced(parameters, path, own.values(u, present, factor))
-        return parameters
+                    present = _present(system, path) if own.deviation else 0.0
+                    system = replaced(system, path, own.values(u, present, factor))
+        return system
 
     def mesh_frequency(self, present: Array, points: Array) -> Array:
         """Return mesh frequencies ``(N, P)`` for those that the grid has, ``(P,)`` or ``(N, 1)``."""
@@ -103,14 +104,14 @@ class Uncertainties:
         return any(path == MESH_FREQUENCY and not own.deviation for own in self.parameters for path, _ in own.paths)
 
 
-def _present(parameters: dict[str, Any], path: Path) -> Any:
+def _present(system: System, path: Path) -> Any:
     """What stands at a path, in a matrix too, which may be one for each row of a batch."""
     for length in range(len(path)):
-        inner = value_at(parameters, path[:length])
+        inner = value_at(system, path[:length])
         if isinstance(inner, np.ndarray):
             row, column = (int(part) for part in path[length:])
             return inner[..., row, column]
-    return value_at(parameters, path)
+    return value_at(system, path)
 
 
 def resolve(context: Context, section: Any) -> dict[str, list[Target]]:
@@ -283,13 +284,13 @@ def _correlation(context: Context, section: Any, names: list[str]) -> tuple[Arra
     return matrix, pairs
 
 
-def doubts(document: Document, found: Uncertainties, parameters: dict[str, Any], axes: Sequence[Axis]) -> list[Problem]:
+def doubts(document: Document, found: Uncertainties, system: System, axes: Sequence[Axis]) -> list[Problem]:
     """Return what is said of distributions that reach beyond what their parameters can be."""
     swept = {item.path: (item.values, item.factor) for axis in axes for item in axis.assignments}
     problems = []
     for own in found.parameters:
         path, factor = own.paths[0]
-        values, scale = swept.get(path, (0.0 if path == MESH_FREQUENCY else _present(parameters, path), factor))
+        values, scale = swept.get(path, (0.0 if path == MESH_FREQUENCY else _present(system, path), factor))
         share = own.outside(np.asarray(values, dtype=float) / scale)
         if share > OUTSIDE:
             message = f"{100 * share:.3g} % of the distribution lies outside of {_between(own.low, own.high)}"

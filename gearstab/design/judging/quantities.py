@@ -99,9 +99,8 @@ def root_stress(batch: Batch) -> Array:
     """The largest stress at the root of any tooth under the static mesh forces, Pa; needs the teeth of a gearbox."""
     from gearstab.gears.stress import mesh_root_stress
     from gearstab.response.linear.equilibrium import static_mesh_force
-    from gearstab.systems import train_of
 
-    train, rows = train_of(batch.p), batch.system.rows
+    train, rows = batch.p.train(), batch.system.rows
     if train is None:
         return np.full(rows, np.nan)
     phase = np.linspace(0.0, 1.0, 65)

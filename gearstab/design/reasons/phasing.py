@@ -26,7 +26,7 @@ def phasing(problem: DesignProblem, designs: Array) -> dict[str, Any]:
 
     Source: Parker 2009, conclusion 2.
     """
-    p = problem.config.parameters
+    p = problem.config.system
     varied = {item.path for v in problem.variables for item in v.axis.assignments}
     if p.get("kind") != "planetary" or not any(path[0] in ("teeth", "planets", "phases") for path in varied):
         return {}

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.config.model.fields import Section
 from gearstab.design.judging import regions
 from gearstab.design.problem import Batch, DesignProblem, Span
 from gearstab.design.values import given_places
@@ -15,7 +16,7 @@ from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.boundaries.regions import BOUNDARY_FLAGS, union
 from gearstab.perturbation import Tongue, first_order
 from gearstab.system import Array, GearSystem
-from gearstab.systems import build
+from gearstab.systems.base import System
 
 TIGHT = 1e-12
 """Tolerance of edges that are differentiated."""
@@ -161,16 +162,16 @@ def _predicted(
     return table
 
 
-def single(problem: DesignProblem, design: Array) -> tuple[GearSystem, tuple[Span, ...], dict[str, Any]]:
-    """Build one design by itself: the system, its operating ranges and its parameters, plain numbers."""
-    p = {key: _scalars(value) for key, value in problem.parameters(design[None]).items()}
-    return build(p), problem.spans(p), p
+def single(problem: DesignProblem, design: Array) -> tuple[GearSystem, tuple[Span, ...], System]:
+    """Build one design by itself: the system, its operating ranges and its section, of plain numbers."""
+    p = _scalars(problem.systems(design[None]))
+    return p.build(), problem.spans(p), p
 
 
 def _scalars(value: Any) -> Any:
     """Parameters of one design as plain numbers."""
-    if isinstance(value, dict):
-        return {key: _scalars(item) for key, item in value.items()}
+    if isinstance(value, Section):
+        return value.model_copy(update={key: _scalars(item) for key, item in value})
     if isinstance(value, list | tuple):
         return [_scalars(item) for item in value]
     if isinstance(value, np.ndarray) and value.shape == (1,):

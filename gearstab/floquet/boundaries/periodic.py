@@ -15,26 +15,33 @@ confirmed at the edges themselves, as in :mod:`~gearstab.floquet.boundaries.smoo
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gearstab.floquet.boundaries import smooth
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fastest
+from gearstab.floquet.boundaries.gyroscopic import search as gyroscopic
+from gearstab.floquet.boundaries.gyroscopic.canonical import CanonicalPeriods
+from gearstab.floquet.boundaries.gyroscopic.phases import KreinPhases
 from gearstab.floquet.boundaries.parts import Part
 from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms, free_rotations
 from gearstab.floquet.general.solve import SLIVER, varying
 from gearstab.floquet.kernel import c_kernel as kernel
-from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
+from gearstab.floquet.kernel.chain import ROUNDING, Chain, Following, linked
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
 from gearstab.grouping import equal_rows
+from gearstab.propagation.first_order import FirstOrder
 from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
+
+Verdict = Callable[[Array, Array], Array]
+"""Which points (row, cycle) are stable."""
 
 COARSEST, FINEST = 2, 12
 """Doublings of the first number of steps, one in each smooth interval, that are tried."""
@@ -46,16 +53,38 @@ class PeriodicPart:
 
     part: their places and units; of its pattern only rows, rate, size and rigid-body modes mean anything.
     rows: the first-order systems. plan: when what changes, of all rows of the system. varies: whether anything varies
-    within an interval.
+    within an interval. speeds: mesh frequencies over the range.
     """
 
     part: Part
     rows: list[ElasticForm]
     plan: Schedule
     varies: Array
+    speeds: Array
+
+    def subset(self, index: Array) -> PeriodicPart:
+        """Some of the rows, by position."""
+        return replace(self, part=self.part.subset(index), rows=[self.rows[k] for k in index])
+
+    @property
+    def hamiltonian(self) -> Array:
+        """``(r,)``: which rows are Hamiltonian at all mesh frequencies."""
+        rows, pilots = len(self.rows), len(self.speeds)
+        at = np.repeat(np.arange(rows), pilots), np.tile(self.speeds, rows)
+        return np.asarray(self.canonical(CF6_5, 0).hamiltonian(*at).reshape(rows, pilots).all(axis=1))
+
+    def canonical(self, scheme: Scheme, doublings: int) -> CanonicalPeriods:
+        """Their common periods, of 2^doublings steps in each interval that is not constant."""
+        fractions, values = self.steps(scheme, doublings)
+        following, states = self.following(values)
+        return CanonicalPeriods(self.part.pattern.cycles, fractions, states, following)
 
     def flow(self, scheme: Scheme, doublings: int, rounding: float = ROUNDING) -> Chain:
         """The chain of a common period, of 2^doublings steps in each interval that is not constant."""
+        return self._linked(*self.steps(scheme, doublings), rounding)
+
+    def steps(self, scheme: Scheme, doublings: int) -> tuple[Array, Array]:
+        """How long each segment lasts ``(r, S)``, and all functions in it ``(r, S, J)``."""
         index, edges, lengths = self.part.pattern.rows, self.plan.edges, self.plan.lengths
         # What rounding leaves between jumps that agree is too short for a proof.
         kept = np.where(lengths > SLIVER, lengths, 0.0)[index]
@@ -70,22 +99,36 @@ class PeriodicPart:
             f = f.reshape(len(index), count, len(nodes), f.shape[-1])
             values.append(np.einsum("ik,rckj->rcij", mixture, f).reshape(len(index), -1, f.shape[-1]))
             fractions.append(kept[:, s, None] * np.tile(durations / count, count))
-        return self._linked(np.concatenate(fractions, axis=1), np.concatenate(values, axis=1), rounding)
+        return np.concatenate(fractions, axis=1), np.concatenate(values, axis=1)
+
+    def following(self, values: Array) -> tuple[Following, Array]:
+        """The generators of distinct states, and the state ``(S,)`` of each segment; values: ``(r, S, J)``."""
+        table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
+        _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
+        return Following(FirstOrder.joined([row.form for row in self.rows]), values[:, first]), np.ravel(states)
 
     def _linked(self, fractions: Array, values: Array, rounding: float) -> Chain:
         """values: ``(r, S, J)``, of all functions in each segment."""
-        rows, n = self.rows, self.part.pattern.size
-        table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
-        _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
-        matrix = np.stack([row.generators(value) for row, value in zip(rows, values[:, first], strict=True)])
-        means = np.einsum("rs,rsj->rj", fractions, values)
-        mean = np.stack([row.generators(value) for row, value in zip(rows, means, strict=True)])
+        (following, states), n = self.following(values), self.part.pattern.size
+        rows, pilots = len(self.rows), len(self.speeds)
+        moving = following.form.by_speed is not None
+        each, speed = np.repeat(np.arange(rows), pilots), np.tile(self.speeds, rows)
+        if not moving:
+            each, speed, pilots = np.arange(rows), np.zeros(rows), 1
+        matrix = following.matrices(each, speed)
+        mean = np.einsum("pd,pdij->pij", weights(fractions, states)[each], matrix)
+        middle = np.arange(rows) * pilots + pilots // 2
         with np.errstate(invalid="ignore"):
-            frequencies = np.sqrt(-np.einsum("rii->ri", mean[:, n : 2 * n, :n]))
-        rates = -0.5 * np.einsum("rii->ri", mean[:, n:, n:])
-        cycles = self.part.pattern.cycles
-        flow = linked(cycles, fractions, np.ravel(states), Generators(matrix), frequencies, rates)
-        return replace(flow, rounding=rounding)
+            frequencies = np.sqrt(-np.einsum("rii->ri", mean[middle][:, n : 2 * n, :n]))
+        rates = -0.5 * np.einsum("rii->ri", mean[middle][:, n:, n:])
+        where = self.part.pattern.cycles, fractions, states
+        flow = replace(linked(*where, Generators(matrix[middle]), frequencies, rates), rounding=rounding)
+        if not moving:
+            return flow
+        exponents = np.linalg.eigvals(mean)
+        size = np.maximum(np.abs(exponents), np.finfo(float).tiny)
+        lightest = (np.abs(exponents.real) / size).min(axis=1).reshape(rows, pilots)
+        return replace(flow, following=following, lightest=lightest, sound=np.ones(rows, dtype=bool))
 
     def growing(self, flow: Chain) -> Array:
         """``(r,)``: which coordinate the mean system lets grow by itself, -1 where none does."""
@@ -93,12 +136,20 @@ class PeriodicPart:
         return fastest(Generators(mean[:, None]), self.part.pattern.size)
 
 
-def parts(system: GearSystem) -> Iterator[PeriodicPart]:
+def weights(fractions: Array, states: Array) -> Array:
+    """``(r, D)``: how long each state is there."""
+    result = np.zeros((len(fractions), int(states.max(initial=0)) + 1))
+    for s, state in enumerate(states):
+        result[:, state] += fractions[:, s]
+    return result
+
+
+def parts(system: GearSystem, limits: Limits) -> Iterator[PeriodicPart]:
     """All rows of a system, each once."""
     plan, rows, cycles = schedule(system), elastic_forms(system), float(system.common_period()[0])
     still = free_rotations(system).sum(axis=1)
     sizes = np.stack([still, [row.size for row in rows]], axis=1)
-    varies = varying(plan)
+    varies, speeds = varying(plan), np.geomspace(limits.start, limits.stop, smooth.PILOTS)
     for members, (rigid, _) in equal_rows(sizes):
         n, r = system.size - int(rigid), len(members)
         own = [rows[k] for k in members]
@@ -107,53 +158,69 @@ def parts(system: GearSystem) -> Iterator[PeriodicPart]:
         elastic = Elastic(members, rate, whole, np.zeros((r, 0, n)), None, none, exponents, whole[:, :0])
         unit, levels = np.ones((r, 1)), np.zeros((r, 1, 0))
         pattern = Pattern(members, cycles, unit, none, np.zeros(1, dtype=int), levels, elastic, whole[:, None])
-        yield PeriodicPart(Part(pattern, n, np.tile(np.arange(n), (r, 1)), 1), own, plan, varies)
+        found = PeriodicPart(Part(pattern, n, np.tile(np.arange(n), (r, 1)), 1), own, plan, varies, speeds)
+        canonical = found.hamiltonian
+        yield from (found.subset(k) for k in (np.flatnonzero(canonical), np.flatnonzero(~canonical)) if len(k))
 
 
 def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, Chain, SearchResult]]:
     """Parts of all rows, chains from which their regions may be named, and what is found out about them."""
-    for own in parts(system):
+    for own in parts(system, limits):
+        canonical = bool(own.hamiltonian[0])
         if own.varies.any():
-            found = _controlled(own, limits)
+            yield own, *_controlled(own, limits, canonical)
         else:
-            flow = own.flow(CF6_5, 0)
-            found = flow, _search(own, flow, limits)
-        yield own, *found
+            found, _ = _search(own, 0, limits, canonical, ROUNDING)
+            yield own, own.flow(CF6_5, 0), found
 
 
-def _search(own: PeriodicPart, flow: Chain, limits: Limits) -> SearchResult:
-    return limits.damped(flow, own.part.pattern)
+def _search(
+    own: PeriodicPart, doublings: int, limits: Limits, canonical: bool, rounding: float
+) -> tuple[SearchResult, Verdict]:
+    """What is found with so many steps, and which points are stable with half of them."""
+    pattern = own.part.pattern
+    if canonical:
+        found = gyroscopic.search(
+            own.canonical(CF6_5, doublings), *limits.cycles(pattern), limits.tolerance, limits.floor
+        )
+        periods = own.canonical(CF6_5, max(doublings - 1, 0))
+        return found, lambda row, cycle: ~KreinPhases.of(*periods.monodromy(row, cycle)).unstable
+    half = own.flow(CF6_5, max(doublings - 1, 0))
+    found = limits.damped(own.flow(CF6_5, doublings, rounding), pattern)
+    return found, lambda row, cycle: kernel.moduli(half, row, cycle)[:, 0] <= 0
 
 
-def _controlled(own: PeriodicPart, limits: Limits) -> tuple[Chain, SearchResult]:
+def _controlled(own: PeriodicPart, limits: Limits, canonical: bool) -> tuple[Chain, SearchResult]:
     """The same where the number of steps has to be found; the edges' brackets contain the error of the steps."""
-    doublings = resolution(own, limits, CF6_5, np.pi * limits.tolerance)
+    doublings = resolution(own, limits, CF6_5, np.pi * limits.tolerance, canonical)
     for attempt in range(smooth.ATTEMPTS + 1):
         # A proof allows for what the steps may be wrong by.
-        flow = own.flow(CF6_5, doublings, max(ROUNDING, limits.tolerance))
-        found = _search(own, flow, limits)
-        half = own.flow(CF6_5, doublings - 1)
-
-        def stable(row: Array, cycle: Array, half: Chain = half) -> Array:
-            return kernel.moduli(half, row, cycle)[:, 0] <= 0
-
+        found, stable = _search(own, doublings, limits, canonical, max(ROUNDING, limits.tolerance))
         error = smooth.edge_errors(found.intervals, stable, limits.tolerance)
         if np.all(error <= limits.tolerance) or attempt == smooth.ATTEMPTS:
             break
         doublings += 1
     # Names need few digits, and segments that follow each other.
-    rough = own.flow(CF4_2, resolution(own, limits, CF4_2, smooth.ROUGH))
+    rough = own.flow(CF4_2, resolution(own, limits, CF4_2, smooth.ROUGH, canonical))
     return rough, replace(found, intervals=smooth.widened(found.intervals, error))
 
 
-def resolution(own: PeriodicPart, limits: Limits, scheme: Scheme, tolerance: float) -> int:
-    """Doublings of the steps with which the largest moduli are likely to be right to ``tolerance``, relatively."""
+def resolution(own: PeriodicPart, limits: Limits, scheme: Scheme, tolerance: float, canonical: bool) -> int:
+    """Doublings of the steps with which the largest moduli are likely to be right to ``tolerance``, relatively; without
+    dissipation, when these tell nothing, the monodromy matrices.
+    """
     low, high = limits.cycles(own.part.pattern)
     cycle = np.geomspace(low, high, smooth.PILOTS, axis=1).ravel()
     row = np.repeat(np.arange(len(low)), smooth.PILOTS)
-    before = kernel.moduli(own.flow(scheme, COARSEST - 1), row, cycle)[:, 0]
+
+    def computed(doublings: int) -> Array:
+        if canonical:
+            return own.canonical(scheme, doublings).monodromy(row, cycle)[0]
+        return kernel.moduli(own.flow(scheme, doublings), row, cycle)[:, 0]
+
+    before = computed(COARSEST - 1)
     for doublings in range(COARSEST, FINEST):
-        after = kernel.moduli(own.flow(scheme, doublings), row, cycle)[:, 0]
+        after = computed(doublings)
         if np.all(SAFETY / (2**scheme.order - 1) * np.abs(after - before) < tolerance):
             return doublings
         before = after

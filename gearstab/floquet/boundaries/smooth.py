@@ -36,8 +36,8 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import difference, scan
 from gearstab.floquet.smooth.control import SAFETY, Ladder, first
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5
-from gearstab.floquet.smooth.solve import split_pattern, within
-from gearstab.floquet.smooth.steps import Division, portions
+from gearstab.floquet.smooth.solve import periods, within
+from gearstab.floquet.smooth.steps import Division
 from gearstab.system import Array, GearSystem
 
 PILOTS = 9
@@ -64,10 +64,9 @@ def parts(system: GearSystem, reduction: bool) -> Iterator[tuple[Part, Division 
     A block's own pattern is the one by which blocks are told apart: of few steps, and no more than a place for rows,
     units and modes. It is exact where the stiffness does not vary, or only by jumps.
     """
-    for division in portions(system):
-        for part in separated(split_pattern(division), reduction):
-            still = part.pattern.constant or division.constant.all()
-            yield part, None if still else within(division, part.pattern)
+    for pattern, division in periods(system):
+        for part in separated(pattern, reduction):
+            yield part, None if division is None or part.pattern.constant else within(division, part.pattern)
 
 
 def searched(part: Part, division: Division, limits: Limits) -> tuple[Part, Search | tuple[Chain, SearchResult]]:
@@ -155,16 +154,6 @@ def _damped(division: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, S
     steps = SteppedPeriod.of(division, limits)
     pattern, found, _, error = _controlled(steps, limits.tolerance, run, lambda f: f.intervals, stable)
     return pattern, (chain(pattern), replace(found, intervals=widened(found.intervals, error)))
-
-
-def patterns(system: GearSystem, limits: Limits) -> Iterator[Pattern]:
-    """Patterns of the blocks of all rows whose stiffness varies, in steps as a search begins with."""
-    for part, division in parts(system, reduction=True):
-        if division is not None:
-            steps = SteppedPeriod.of(division, limits)
-            yield steps.pattern(steps.resolution)
-        elif not part.pattern.constant:
-            yield part.pattern
 
 
 def _controlled(

@@ -11,13 +11,13 @@ from gearstab.floquet.boundaries import periodic, smooth
 from gearstab.floquet.boundaries.coverage import Coverage
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, collisions, growing
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
-from gearstab.floquet.boundaries.names import harmonics, labels, naming
-from gearstab.floquet.boundaries.parts import Part, RegionEdges, separated, united
+from gearstab.floquet.boundaries.names import harmonics, labels, naming, whirl
+from gearstab.floquet.boundaries.parts import Part, RegionEdges, united
 from gearstab.floquet.boundaries.regions import Boundaries
 from gearstab.floquet.boundaries.undamped.search import Search
+from gearstab.floquet.dispatch import in_modes
 from gearstab.floquet.kernel.chain import Chain, chain
-from gearstab.floquet.segments.pattern import Pattern, prepare
-from gearstab.floquet.smooth.steps import Division
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.modal import mean_modes
 from gearstab.perturbation.multiple_scales import EQUAL_FREQUENCY
 from gearstab.perturbation.tongues import ParametricExcitation, Tongue, self_excited, tongue
@@ -76,10 +76,13 @@ def boundaries(
     system = system.over(system.batch)
     found = _Collected(system, start, stop, width_floor)
     limits = Limits(start, stop, tolerance, width_floor, budget)
-    if system.general:
+    if not in_modes(system):
         for driven, flow, edges in periodic.searched(system, limits):
             found.rigid(driven.part)
-            found.periodic(driven, flow, edges)
+            if system.rotations:
+                found.turning(driven.part, flow, edges)
+            else:
+                found.periodic(driven, flow, edges)
         return found.result()
     for part, own in _searched(system, limits, reduction):
         found.rigid(part)
@@ -94,7 +97,7 @@ def _searched(
     system: GearSystem, limits: Limits, reduction: bool
 ) -> Iterator[tuple[Part, Search | tuple[Chain, SearchResult]]]:
     """Parts of all rows and what is found out about them."""
-    for part, division in _parts(system, reduction):
+    for part, division in smooth.parts(system, reduction):
         moving = part.pattern.elastic.damped
         for rows in (np.flatnonzero(~moving), np.flatnonzero(moving)):
             if len(rows) == 0:
@@ -107,16 +110,6 @@ def _searched(
             else:
                 flow = chain(own.pattern)
                 yield own, (flow, limits.damped(flow, own.pattern))
-
-
-def _parts(system: GearSystem, reduction: bool) -> Iterator[tuple[Part, Division | None]]:
-    """All parts of all rows, with the period to be cut into steps where the stiffness varies smoothly."""
-    if not system.piecewise_constant:
-        yield from smooth.parts(system, reduction)
-        return
-    for pattern in prepare(system):
-        for part in separated(pattern, reduction):
-            yield part, None
 
 
 @dataclass
@@ -141,7 +134,7 @@ class _Collected:
         self.period, self.cycles = self.system.common_period()
         self.excitations: dict[int, ParametricExcitation] = {}
         self.tongues: list[Tongue] = []
-        self.number: dict[tuple[int, int, int], int] = {}
+        self.number: dict[tuple[int, int, int, bool], int] = {}
 
     def rigid(self, part: Part) -> None:
         """Rows in which a rigid-body mode grows are unstable everywhere."""
@@ -171,6 +164,17 @@ class _Collected:
         names = harmonics.named(flow, found.intervals, seen, [set() for _ in found.intervals])
         self._covered(own.part, found)
         self._keep(own.part, found.intervals, naming.Names.of(names), own.growing(flow))
+
+    def turning(self, part: Part, flow: Chain, found: SearchResult) -> None:
+        """The same of rows with speeds of rotation, which are named after the motions at the speed of each region."""
+        names = whirl.named(flow, found.intervals, self.system.size)
+        self._covered(part, found)
+        if found.contacts is not None:
+            self.contacts[part.pattern.rows] += found.contacts
+        owner = np.repeat(np.arange(len(names)), [len(own) for own in names])
+        member = [self._tongue(root.p, root.q, root.cycles, root.difference) for own in names for root in own]
+        row, edges, error, cut = self._edges(part, found.intervals)
+        self.regions.append(RegionEdges(row, edges, error, cut, owner, np.array(member, dtype=np.int64)))
 
     def _covered(self, part: Part, found: SearchResult) -> None:
         pattern = part.pattern
@@ -241,13 +245,14 @@ class _Collected:
         """``(r,)``: the first rigid-body mode, from 0: between negative and positive squared frequencies."""
         return (self.squared[part.pattern.rows] < 0).sum(axis=1)
 
-    def _tongue(self, p: int, q: int, cycles: int) -> int:
+    def _tongue(self, p: int, q: int, cycles: int, difference: bool = False) -> int:
         """Number of the tongue of two modes from 0; of one that grows by itself, twice the mode and no cycles."""
-        key = p + 1, q + 1, cycles
+        key = p + 1, q + 1, cycles, difference
         if key not in self.number:
             self.number[key] = len(self.tongues)
             force = self._excitation(cycles) if cycles else None
-            self.tongues.append(tongue(self.system, force, *key[:2]) if force else self_excited(self.system, p + 1))
+            own = tongue(self.system, force, p + 1, q + 1, difference) if force else self_excited(self.system, p + 1)
+            self.tongues.append(own)
         return self.number[key]
 
     def _excitation(self, cycles: int) -> ParametricExcitation:
@@ -260,11 +265,7 @@ class _Collected:
 
     def _keep(self, part: Part, found: Intervals, names: naming.Names, driven: Array | None = None) -> None:
         """driven: the coordinate of each row that grows by itself, rigid-body modes after the others; or -1."""
-        rate, modes = part.pattern.elastic.rate[found.row], self._modes(part)
-        # The ends of the range itself, not what two divisions make of them.
-        lower = np.where(found.cut[:, 1], self.start, rate / found.stop)
-        upper = np.where(found.cut[:, 0], self.stop, rate / found.start)
-        error = found.error[:, ::-1] / np.stack([found.stop, found.start], axis=1)
+        modes = self._modes(part)
         row, owner = found.row[names.owner], names.owner
         # Which of several modes of one frequency grow is a matter of rounding.
         first, rows = self.first[part.pattern.rows], np.arange(len(modes))[:, None]
@@ -284,8 +285,17 @@ class _Collected:
             owner = np.concatenate([by_itself, owner])[order]
             grown = np.array([self._tongue(k, k, 0) for k in itself.tolist()], dtype=np.int64)
             member = np.append(grown, member)[order]
-        edges, cut = np.stack([lower, upper], axis=1), found.cut[:, ::-1]
-        self.regions.append(RegionEdges(part.pattern.rows[found.row], edges, error, cut, owner, member))
+        of_row, edges, error, cut = self._edges(part, found)
+        self.regions.append(RegionEdges(of_row, edges, error, cut, owner, member))
+
+    def _edges(self, part: Part, found: Intervals) -> tuple[Array, Array, Array, Array]:
+        """(row, edges, error, cut) of the regions, as of :class:`RegionEdges`."""
+        rate = part.pattern.elastic.rate[found.row]
+        # The ends of the range itself, not what two divisions make of them.
+        lower = np.where(found.cut[:, 1], self.start, rate / found.stop)
+        upper = np.where(found.cut[:, 0], self.stop, rate / found.start)
+        error = found.error[:, ::-1] / np.stack([found.stop, found.start], axis=1)
+        return part.pattern.rows[found.row], np.stack([lower, upper], axis=1), error, found.cut[:, ::-1]
 
     def result(self) -> Boundaries:
         """Everything, by row and mesh frequency."""

@@ -2,78 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.floquet.segments.pattern import Pattern, prepare, window
+from gearstab.floquet.frequencies.period import AFFORDABLE, Period, common_period, exact_pattern
+from gearstab.support import ONLY_MESHES, unsupported
 from gearstab.system import GearSystem
-from gearstab.waveforms import Profile
 
 COMMON_PERIOD, PER_MESH, LYAPUNOV = "common_period", "per_mesh", "lyapunov"
 STRATEGIES = (COMMON_PERIOD, PER_MESH, LYAPUNOV)
-AFFORDABLE = 20_000
-"""Segments of a common period up to which it is the automatic choice: some 7 ms per point of 12 coordinates."""
-EXPONENTIALS = 40
-"""A period of a smooth function takes about eight Magnus steps of five exponentials, each a segment of its own."""
-SAMPLE = 50
-"""Periods of the slowest mesh that stand for a system without an affordable common period."""
-
-
-@dataclass(frozen=True)
-class Period:
-    """What a common period consists of.
-
-    cycles: N, it is N 2 pi/Omega. mesh_cycles: of each mesh. segments: of constant stiffness, at most; about as many
-    exponentials where it is smooth.
-    """
-
-    cycles: float
-    mesh_cycles: tuple[int, ...]
-    segments: int
-
-
-def common_period(system: GearSystem) -> Period | None:
-    """The common period of all that varies, without building it; None where there is none."""
-    if not system.commensurate:
-        return None
-    cycles, counts = system.common_period()
-    return Period(float(cycles), counts, round(float(cycles) * segments_a_cycle(system)))
-
-
-def segments_a_cycle(system: GearSystem) -> float:
-    """Return the mean number of segments in 2 pi/Omega, an upper bound; of smooth functions roughly."""
-    breaks = [_pieces(mesh.waveform) for mesh in system.meshes]
-    breaks += [sum(_pieces(profile) for profile in term.profiles) for term in system.terms]
-    return sum(float(ratio) * max(1, b) for ratio, b in zip(system.frequency_ratios, breaks, strict=True))
-
-
-def _pieces(profile: Profile) -> int:
-    """Segments a period of a function."""
-    return int(profile.breakpoints().shape[-1]) + (0 if profile.piecewise_constant else EXPONENTIALS)
-
-
-def sample(system: GearSystem) -> Pattern:
-    """The mesh stiffness of a single system over its common period or, where there is no affordable one, a window."""
-    if system.general:
-        system = replace(system, terms=(), damping=None)
-    period = common_period(system)
-    affordable = period is not None and period.segments <= AFFORDABLE
-    if system.piecewise_constant:
-        if affordable:
-            return prepare(system)[0]
-        return window(system, SAMPLE / min(float(ratio) for ratio in system.frequency_ratios))[0]
-    from gearstab.floquet.smooth import sampled
-
-    if affordable:
-        return sampled(system)
-    # What couples to what depends on which meshes vary alike, not on how fast.
-    simple = {ratio: Fraction(1, k + 1) for k, ratio in enumerate(dict.fromkeys(system.frequency_ratios))}
-    meshes = tuple(replace(mesh, frequency_ratio=simple[mesh.frequency_ratio]) for mesh in system.meshes)
-    return sampled(replace(system, meshes=meshes))
 
 
 @dataclass(frozen=True)
@@ -103,11 +43,11 @@ class Strategy:
         if self.period is None:
             return f"{self.name} (the mesh frequencies have no common period)"
         cycles = " + ".join(f"{count:,}" for count in dict.fromkeys(self.period.mesh_cycles))
-        segments, exact = self.period.segments, self.system.piecewise_constant
-        if segments <= AFFORDABLE and exact and not self.system.general:
-            # Jumps of several meshes may coincide; they are counted where that takes no time.
-            segments = len(prepare(self.system)[0].states)
-        parts = f"{segments:,} segments" if exact else f"some {segments:,} exponentials of Magnus steps"
+        # Jumps of several meshes may coincide; they are counted where that takes no time.
+        pattern = exact_pattern(self.system)
+        segments = self.period.segments if pattern is None else len(pattern.states)
+        stepped = not self.system.piecewise_constant
+        parts = f"some {segments:,} exponentials of Magnus steps" if stepped else f"{segments:,} segments"
         what = f"a common period of {cycles} mesh cycles with {parts}"
         limit = f", more than {self.affordable:,}" if self.automatic and self.name != COMMON_PERIOD else ""
         return f"{self.name} ({what}{limit})"
@@ -124,17 +64,15 @@ def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE, cycles:
     period = common_period(system)
     if asked == COMMON_PERIOD and period is None:
         raise NotPossible("mesh frequencies of irrational ratio have no common period", "choose per_mesh or lyapunov")
-    if asked == LYAPUNOV and system.general:
-        raise NotPossible(
-            "lyapunov needs symmetric damping, and a system of which only the mesh stiffness varies", "choose per_mesh"
-        )
+    if (refused := unsupported(system, ONLY_MESHES)) and asked == LYAPUNOV:
+        raise NotPossible(f"{LYAPUNOV} {refused[0]}", "choose per_mesh")
     name = asked
     if asked == "auto" and period is not None and period.segments <= affordable:
         name = COMMON_PERIOD
     elif asked == "auto":
         from gearstab.floquet.frequencies.lyapunov import length
 
-        name = PER_MESH if system.general or varying(system) < 2 else LYAPUNOV
+        name = PER_MESH if refused or varying(system) < 2 else LYAPUNOV
         if name == LYAPUNOV and period is not None and period.cycles <= length(system, cycles):
             name = COMMON_PERIOD
     return Strategy(system, name, asked == "auto", period, affordable)

@@ -27,6 +27,7 @@ from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import Pattern, window
 from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
+from gearstab.support import ONLY_MESHES, require
 from gearstab.system import Array, GearSystem
 
 BURN_IN = 0.21421356
@@ -69,10 +70,7 @@ def solve(
 
     Raises ValueError for a system that has periodic terms besides its meshes.
     """
-    if system.general:
-        raise ValueError(
-            "Lyapunov exponents need systems of which only the mesh stiffness varies, with symmetric damping"
-        )
+    require(system, ONLY_MESHES, "theory of Lyapunov exponents")
     omega = system.operating_points(mesh_frequency)
     growth, upper, lower = (np.full(omega.shape, -np.inf) for _ in range(3))
     status = np.zeros(omega.shape, dtype=np.int16)

@@ -1,4 +1,4 @@
-"""The first-order system of one row without its rigid-body motion.
+"""The first-order system of rows without their rigid-body motion.
 
 In the modes of the mean system the state is x = (u, u', b): elastic coordinates, their velocities, and the velocities
 of those rigid-body modes that damping couples back to the elastic ones. A rigid-body mode r deflects nothing,
@@ -8,10 +8,12 @@ exactly those of (u, u'), although friction may drive r: the monodromy matrix is
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gearstab.grouping import equal_rows
 from gearstab.propagation.first_order import UNDAMPED, FirstOrder, ModalMatrices, acted_on
 from gearstab.system import Array, GearSystem
 
@@ -55,10 +57,47 @@ class ElasticForm:
         return largest if largest > 0 else -np.inf
 
 
+@dataclass(frozen=True)
+class ElasticRows:
+    """Rows whose :class:`ElasticForm` have equally many coordinates of each sort.
+
+    form: of these rows; damped: ``(r,)`` bool; rigid_exponents: ``(r, k)``; elastic: ``(e,)``.
+    """
+
+    form: FirstOrder
+    damped: Array
+    rigid_exponents: Array
+    elastic: Array
+
+    def subset(self, index: Array) -> ElasticRows:
+        """Some of the rows, by position."""
+        return ElasticRows(self.form.subset(index), self.damped[index], self.rigid_exponents[index], self.elastic)
+
+    def row(self, index: int) -> ElasticForm:
+        """Return one of the rows, by position."""
+        form = self.form.subset(np.array([index]))
+        return ElasticForm(form, bool(self.damped[index]), self.rigid_exponents[index], self.elastic)
+
+
+def elastic_rows(system: GearSystem) -> Iterator[ElasticRows]:
+    """All rows of the flattened batch, each once."""
+    modal = ModalMatrices.of(system)
+    rigid = _unfelt(modal)
+    for members, key in equal_rows(rigid.astype(int)):
+        free = np.flatnonzero(key)
+        own = _turned(modal.subset(members), free)
+        drag = own.dissipative()
+        damped = rigid[members] & acted_on(drag)
+        felt = _coupled(drag, ~rigid[members], damped) | _coupled(drag[1:], damped, damped)
+        for index, sort in equal_rows(np.column_stack([damped, felt]).astype(int)):
+            part = own.subset(index)
+            yield _elastic_rows(part, members[index], key > 0, np.flatnonzero(sort[:-1]), bool(sort[-1]))
+
+
 def elastic_forms(system: GearSystem) -> list[ElasticForm]:
     """Return the forms of all rows of the flattened batch."""
-    modal = ModalMatrices.of(system)
-    return [_elastic_form(modal, row) for row in range(system.rows)]
+    found = {int(r): own.row(k) for own in elastic_rows(system) for k, r in enumerate(own.form.rows)}
+    return [found[r] for r in range(system.rows)]
 
 
 def free_rotations(system: GearSystem) -> Array:
@@ -70,42 +109,50 @@ def _unfelt(modal: ModalMatrices) -> Array:
     return np.asarray(modal.rigid & ~acted_on([matrix for on_velocity, matrix in modal.parts if not on_velocity]))
 
 
-def _elastic_form(modal: ModalMatrices, row: int) -> ElasticForm:
-    rows = np.array([row])
-    modal = modal.subset(rows)
-    rigid = _unfelt(modal)[0]
-    modal = _turned(modal, np.flatnonzero(rigid))
-    drag = modal.dissipative()
-    elastic, damped = np.flatnonzero(~rigid), np.flatnonzero(rigid & acted_on(drag)[0])
-    known = np.zeros(2 * int(rigid.sum()) - len(damped))
-    if not _coupled(drag, elastic, damped) and not _coupled(drag[1:], damped, damped):
+def _elastic_rows(modal: ModalMatrices, rows: Array, rigid: Array, damped: Array, felt: bool) -> ElasticRows:
+    """Rows with the same rigid-body modes ``(n,)``, of which the modes ``damped`` (k,) are damped.
+
+    felt: whether their velocities act on anything else, or on each other by what is not damping alone.
+    """
+    elastic = np.flatnonzero(~rigid)
+    known = np.zeros((len(rows), 2 * int(rigid.sum()) - len(damped)))
+    if not felt:
         # Nothing feels these velocities, which decay, or grow, by themselves.
-        own = -np.linalg.eigvals(modal.damping[0][np.ix_(damped, damped)]).real
-        largest = np.abs(modal.damping).max(initial=0.0)
-        known, damped = np.append(known, np.where(np.abs(own) > UNDAMPED * largest, own, 0.0)), damped[:0]
-    form = modal.form(rows, elastic, damped, np.ones((1, len(elastic))))
-    return ElasticForm(form, _dissipates(modal), known, elastic)
+        own = -np.linalg.eigvals(modal.damping[:, damped[:, None], damped]).real
+        largest = np.abs(modal.damping).max(axis=(1, 2), initial=0.0)[:, None]
+        known = np.concatenate([known, np.where(np.abs(own) > UNDAMPED * largest, own, 0.0)], axis=1)
+        damped = damped[:0]
+    form = modal.form(rows, elastic, damped, np.ones((len(rows), len(elastic))))
+    return ElasticRows(form, _dissipates(modal), known, elastic)
 
 
-def _dissipates(modal: ModalMatrices) -> bool:
+def _dissipates(modal: ModalMatrices) -> Array:
+    """``(r,)``."""
     drag = [modal.damping, *(matrix for on_velocity, matrix in modal.parts if on_velocity)]
-    size = max(float(np.abs(matrix).max(initial=0.0)) for matrix in modal.dissipative())
-    power = (np.abs(matrix + np.swapaxes(matrix, -1, -2)).max(initial=0.0) for matrix in drag)
-    return max(power) > UNDAMPED * size
+    size = np.max([_largest(matrix) for matrix in modal.dissipative()], axis=0)
+    power = np.max([_largest(matrix + np.swapaxes(matrix, -1, -2)) for matrix in drag], axis=0)
+    return np.asarray(power > UNDAMPED * size)
 
 
-def _coupled(drag: list[Array], rows: Array, columns: Array) -> bool:
-    """Whether damping makes velocities ``columns`` act on ``rows``."""
-    largest = max((float(np.abs(matrix).max(initial=0.0)) for matrix in drag), default=0.0)
-    parts = (matrix[0][np.ix_(rows, columns)] for matrix in drag)
-    return max((float(np.abs(part).max(initial=0.0)) for part in parts), default=0.0) > UNDAMPED * largest
+def _coupled(drag: list[Array], rows: Array, columns: Array) -> Array:
+    """``(r,)``: whether matrices ``(r, n, n)`` make velocities ``columns`` act on ``rows``, ``(r, n)`` bool both."""
+    if not drag:
+        return np.zeros(len(rows), dtype=bool)
+    there = rows[:, :, None] & columns[:, None, :]
+    parts = np.max([_largest(matrix * there) for matrix in drag], axis=0)
+    return np.asarray(parts > UNDAMPED * np.max([_largest(matrix) for matrix in drag], axis=0))
+
+
+def _largest(matrix: Array) -> Array:
+    return np.asarray(np.abs(matrix).max(axis=(1, 2), initial=0.0))
 
 
 def _turned(modal: ModalMatrices, rigid: Array) -> ModalMatrices:
     """The same with its modes ``rigid`` turned so that as few of them as possible are damped."""
     if len(rigid) < 2:
         return modal
-    turn = np.eye(modal.rigid.shape[1])
-    drag = np.concatenate([matrix[0][:, rigid] for matrix in modal.dissipative()])
-    turn[np.ix_(rigid, rigid)] = np.linalg.svd(drag, full_matrices=False)[2].T
+    turn = np.broadcast_to(np.eye(modal.rigid.shape[1]), modal.damping.shape).copy()
+    drag = np.concatenate([matrix[:, :, rigid] for matrix in modal.dissipative()], axis=1)
+    own = np.linalg.svd(drag, full_matrices=False)[2]
+    turn[:, rigid[:, None], rigid] = np.swapaxes(own, -1, -2)
     return modal.turned(turn)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from gearstab.floquet.dispatch import in_modes
 from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms
 from gearstab.system import Array, GearSystem
 from gearstab.waveforms.profile import harmonic
@@ -57,6 +58,13 @@ def mean_motions(system: GearSystem, mesh_frequency: Array | float = 0.0) -> Mea
     rows = [_row(own, level, system.size) for own, level in zip(forms, mean_levels(system), strict=True)]
     frequency, growth, mode = (np.stack(values) for values in zip(*rows, strict=True))
     return MeanMotions(frequency, growth, mode)
+
+
+def frequencies_beyond_modes(system: GearSystem) -> Array | None:
+    """``(rows, n)``: damped natural frequencies of the whole mean system in the order of the modes of its symmetric
+    part; None where that is all of it but for symmetric damping, so that its modes tell the natural frequencies.
+    """
+    return None if in_modes(system) else mean_motions(system).frequency_by_mode
 
 
 def mean_levels(system: GearSystem) -> Array:

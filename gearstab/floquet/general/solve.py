@@ -12,15 +12,16 @@ are found from factors of the product (:mod:`gearstab.floquet.kernel.graded`).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms
+from gearstab.floquet.general.exact import exact_rows
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
-from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, settled
+from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, empty, settled
 from gearstab.interrupts import heed
 from gearstab.propagation.magnus import NODES, ORDER, polynomial
 from gearstab.propagation.products import MagnusSteps, eigenvalues, propagated
@@ -62,9 +63,11 @@ def analyse(
 
     Raises ValueError where the mesh frequencies have no common period.
     """
+    omega = np.asarray(mesh_frequency, dtype=float)
+    if system.piecewise_constant:
+        return _exact(system, omega, exponents, tolerance)
     plan, rows = schedule(system), elastic_forms(system)
     cycles = float(system.common_period()[0])
-    omega = np.asarray(mesh_frequency, dtype=float)
     shape = omega.shape
     if rows[0].form.by_speed is not None:
         # At a constant speed that is constant too: points are rows of their own.
@@ -89,6 +92,29 @@ def analyse(
     return FloquetStability(
         growth.reshape(shape), stable.reshape(shape), status.reshape(shape), table, error.reshape(shape)
     )
+
+
+def _exact(system: GearSystem, omega: Array, exponents: bool, tolerance: float) -> FloquetStability:
+    """:func:`analyse` where everything is constant between jumps."""
+    result, error = empty(*omega.shape), np.empty(omega.shape)
+    table = np.empty((*omega.shape, 2 * system.size), dtype=complex) if exponents else None
+    period = 2 * np.pi * float(system.common_period()[0]) / omega
+    for part in exact_rows(system):
+        own, rows = part.own, part.own.form.rows
+        log, error[rows], logs = part.logs(omega[rows], exponents)
+        by_itself = own.rigid_exponents.max(axis=1, initial=-np.inf)[:, None]
+        log = np.maximum(log, np.where(by_itself > 0, by_itself, -np.inf) * period[rows])
+        least = np.where(own.damped, DAMPED_ON_CIRCLE, ON_CIRCLE)[:, None]
+        growth, stable = decided(log, period[rows], np.maximum(least, error[rows]))
+        lost = np.isnan(log)
+        result.growth_rate[rows], result.stable[rows] = growth, np.where(lost, -1, stable)
+        failed = np.where(lost, STATUS_FLAGS["failed"], 0)
+        result.status[rows] = failed | np.where(error[rows] <= tolerance, 0, STATUS_FLAGS["not_converged"])
+        if table is not None and logs is not None:
+            rigid = np.broadcast_to(own.rigid_exponents[:, None], (*log.shape, own.rigid_exponents.shape[1]))
+            whole = np.concatenate([logs / period[rows][..., None], rigid], axis=-1)
+            table[rows] = settled(whole, result.stable[rows])
+    return replace(result, exponents=table, error_estimate=error)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from gearstab.floquet.kernel import invariants, lyapunov
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.kernel.damped import Generators, real_modes
 from gearstab.floquet.kernel.threads import in_threads
-from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.segments.pattern import Pattern, Succession
 from gearstab.system import Array
 
 LANES = 8
@@ -39,6 +39,10 @@ LIMITS = (
 """Thresholds of verdicts: ``struct limits`` of kernel.h."""
 MOST_IN_LANES = 64
 """Size of damped matrices whose exponents LAPACK does not find faster."""
+NOTHING = np.empty((2, 0))
+"""What goes with the speed in patterns of which nothing does."""
+TRACELESS = 1e-13
+"""Part of the largest entry of a matrix up to which its trace is rounding."""
 ENTRIES_AT_ONCE = 1 << 23
 """Entries of the changes of modes of all segments: 64 MB. Common periods may have thousands of segments."""
 
@@ -173,35 +177,25 @@ def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
     return logs
 
 
-def scan_damped(pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None) -> tuple[Array, Array]:
-    """ln max |lambda| and, roughly, ln of the size of M, ``(r, P)`` each; NaN where M is not finite.
-
-    Rows with a state that cannot be diagonalised safely are left to NumPy.
-    """
-    growth, scale = _scan_modes(pattern, generator, contiguous(omega), np.empty((len(omega), 0), dtype=complex), limit)
-    for row in _left_over(generator, growth):
-        found = left.multipliers_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
-        growth[row], scale[row] = found[0][0], found[1][0]
-    return growth, scale
+def scan_damped(
+    pattern: Succession, generator: Generators, omega: Array, limit: int | None = None
+) -> tuple[Array, Array]:
+    """ln max |lambda| and, roughly, ln of the size of M, ``(r, P)`` each; NaN where M is not finite."""
+    return _scan_periods(pattern, generator, omega, False, limit)[:2]
 
 
 def multipliers_damped(
-    pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None
+    pattern: Succession, generator: Generators, omega: Array, limit: int | None = None
 ) -> tuple[Array, Array, Array]:
     """:func:`scan_damped` and all multipliers over exp(scale), ``(r, P, m)`` complex."""
-    values = np.empty((*omega.shape, generator.matrix.shape[-1]), dtype=complex)
-    growth, scale = _scan_modes(pattern, generator, contiguous(omega), values, limit)
-    for row in _left_over(generator, growth):
-        found = left.multipliers_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
-        growth[row], scale[row], values[row] = (part[0] for part in found)
-    return growth, scale, values
+    return _scan_periods(pattern, generator, omega, True, limit)
 
 
-def log_multipliers_damped(pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None) -> Array:
+def log_multipliers_damped(pattern: Succession, generator: Generators, omega: Array, limit: int | None = None) -> Array:
     """ln lambda ``(r, P, m)`` of a damped pattern, however far multipliers are apart, by the periodic QR algorithm."""
     points, size = omega.shape[1], generator.matrix.shape[-1]
     if size > MOST_IN_LANES:
-        return left.log_multipliers_damped(pattern, generator, omega, graded)
+        return left.log_multipliers_damped(pattern, generator, omega, multipliers_damped, graded)
     given = _of_modes(pattern, generator)
     logs = np.empty((*omega.shape, size), dtype=complex)
     asked = contiguous(omega)
@@ -213,7 +207,7 @@ def log_multipliers_damped(pattern: Pattern, generator: Generators, omega: Array
     for row in map(int, np.flatnonzero(~generator.well_conditioned | np.isnan(logs).any(axis=(1, 2)))):
         missing = np.isnan(logs[row]).any(axis=1) | ~generator.well_conditioned[row]
         own = pattern.row(row), generator.row(row), omega[row, missing][None]
-        logs[row, missing] = left.log_multipliers_damped(*own, graded)[0]
+        logs[row, missing] = left.log_multipliers_damped(*own, multipliers_damped, graded)[0]
     return logs
 
 
@@ -241,24 +235,53 @@ def graded(factors: Sequence[Array], limit: int | None = None) -> Array:
     return logs
 
 
-def _left_over(generator: Generators, growth: Array) -> list[int]:
-    """Rows for NumPy: not safe to diagonalise, or without a result somewhere."""
-    return [int(row) for row in np.flatnonzero(~generator.well_conditioned | np.isnan(growth).any(axis=1))]
+def _scan_periods(
+    pattern: Succession, generator: Generators, omega: Array, multipliers: bool, limit: int | None
+) -> tuple[Array, Array, Array]:
+    """:func:`multipliers_damped`; no multipliers where they are not wanted.
 
-
-def _scan_modes(
-    pattern: Pattern, generator: Generators, omega: Array, multipliers: Array, limit: int | None
-) -> tuple[Array, Array]:
-    """:func:`scan_damped` in the real modal coordinates of the states, meaningless where they are ill-conditioned."""
-    given = _of_modes(pattern, generator)
-    growth, scale = np.empty(omega.shape), np.empty(omega.shape)
-    own = (omega.shape[1], omega, growth, scale, multipliers)
+    In the real modal coordinates of the states, which are found once for all mesh frequencies; where there are none, or
+    they are ill-conditioned, by an exponential of each segment at each of them.
+    """
+    asked, m = contiguous(omega), generator.matrix.shape[-1]
+    values = np.empty((*asked.shape, m) if multipliers else (len(asked), 0), dtype=complex)
+    growth, scale = np.empty(asked.shape), np.empty(asked.shape)
+    turning = generator.by_speed is not None
+    given = _of_generators(pattern, generator, asked) if turning else _of_modes(pattern, generator)
+    own = [asked.shape[1], asked, growth, scale, values, *([LIMITS] if generator.symplectic else [])]
 
     def part(first: int, last: int) -> None:
         ckernel.library.scan_damped(ckernel.simd(), *given, first, last, *own)
 
-    in_threads(part, len(omega), omega.shape[1] * cost(pattern), limit)
-    return growth, scale
+    in_threads(part, len(asked), float(asked.shape[1] * len(pattern.states) * (m / 2) ** 3), limit)
+    if not turning:
+        left = np.flatnonzero(~generator.well_conditioned | np.isnan(growth).any(axis=1))
+        if len(left):
+            none = np.empty((len(left), 0, m, m))
+            rest = Generators(generator.matrix[left], none, np.empty((len(left), 0, 3)), generator.symplectic)
+            found = _scan_periods(pattern.subset(left), rest, asked[left], multipliers, limit)
+            growth[left], scale[left], values[left] = found
+    return growth, scale, values
+
+
+def _of_generators(pattern: Succession, generator: Generators, omega: Array) -> tuple[Any, ...]:
+    """A pattern whose states go with the mesh frequency as the C functions take it."""
+    matrix, by_speed, laws = generator.matrix, generator.by_speed, generator.laws
+    assert by_speed is not None
+    assert laws is not None
+    mean = np.trace(matrix, axis1=-2, axis2=-1) / matrix.shape[-1]
+    # How fast solutions vary: it decides where polynomials pay, which are checked.
+    ends = np.stack([omega.min(axis=1), omega.max(axis=1)], axis=1)
+    apart = np.sort(np.abs(np.linalg.eigvals(generator.at(ends)) - mean[:, None, :, None]), axis=-1).max(axis=1)
+    # They rest on a determinant that does not go with the mesh frequency.
+    traces = np.abs(np.trace(by_speed, axis1=-2, axis2=-1))
+    apart[(traces > TRACELESS * np.abs(by_speed).max(axis=(-2, -1))).any(axis=1)] = 0.0
+    rows, count, m = apart.shape
+    numbers = (rows, len(pattern.states), count, count, m, by_speed.shape[1], float(pattern.cycles))
+    states = np.ascontiguousarray(pattern.states, dtype=np.int64)
+    decay = np.repeat(mean[:, :, None], m, axis=2)
+    given = map(contiguous, (decay, apart, pattern.fractions))
+    return (numbers, *given, states, states, *map(contiguous, (matrix, by_speed, laws)))
 
 
 def _damped(
@@ -266,12 +289,12 @@ def _damped(
 ) -> tuple[Any, ...]:
     """A damped pattern as the C functions take it."""
     rows, count, size = values.shape
-    numbers = (rows, len(states), count, change.shape[1], size, float(cycles))
+    numbers = (rows, len(states), count, change.shape[1], size, -1, float(cycles))
     indices = (np.ascontiguousarray(part, dtype=np.int64) for part in (states, index))
-    return (numbers, *map(contiguous, (values.real, values.imag, fractions)), *indices, contiguous(change))
+    return (numbers, *map(contiguous, (values.real, values.imag, fractions)), *indices, contiguous(change), *NOTHING)
 
 
-def _of_modes(pattern: Pattern, generator: Generators) -> tuple[Any, ...]:
+def _of_modes(pattern: Succession, generator: Generators) -> tuple[Any, ...]:
     """A damped pattern in the real modes of its states."""
     values, basis, inverse = generator.real_modes
     return _damped(pattern.cycles, values, pattern.fractions, pattern.states, *pattern.pairs(inverse, basis))
@@ -283,6 +306,7 @@ def _of_chain(chain: Chain) -> tuple[Any, ...]:
 
 def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> Array:
     """What :func:`gearstab.floquet.kernel.lyapunov.moduli` says."""
+    chain, row = chain.at(row, cycle)
     logs = np.empty((len(row), chain.size))
     given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
 
@@ -298,6 +322,7 @@ def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> 
 
 def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
     """What :func:`gearstab.floquet.kernel.lyapunov.products` says."""
+    chain, row = chain.at(row, cycle)
     matrix, scale = np.empty((len(row), chain.size, chain.size)), np.empty(len(row))
     given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
 
@@ -340,6 +365,9 @@ def chained(
 
 def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | None = None) -> Array:
     """What :func:`gearstab.floquet.kernel.lyapunov.radii` says."""
+    chain, row = chain.at(row, cycle, slopes=True)
+    if chain.slope is not None:
+        return lyapunov.radii(chain, row, cycle, growth)
     radius = np.empty((len(row), 2))
     given = (*_of_chain(chain), contiguous(chain.weight), lyapunov.settings(chain))
     where = (_whole(row), contiguous(cycle), contiguous(growth))

@@ -10,16 +10,50 @@ the pattern). It hardly changes in time without damping, and damping mu_j takes 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gearstab.floquet.kernel.damped import Generators, generators
 from gearstab.floquet.segments.pattern import Pattern
+from gearstab.propagation.first_order import FirstOrder
 from gearstab.system import Array
 
 ROUNDING = 1e-13
 """What a proof allows for errors of a segment's propagator, relative: those of rounding."""
+
+
+@dataclass(frozen=True)
+class Following:
+    """Generators of r rows that change with the mesh frequency, as speeds of rotation follow it.
+
+    form: the first-order systems. values: ``(r, D, J)``, what varies in each state.
+    """
+
+    form: FirstOrder
+    values: Array
+
+    def matrices(self, row: Array, mesh_frequency: Array) -> Array:
+        """A_d ``(P, D, m, m)`` of rows ``(P,)`` at mesh frequencies in the units of the system, real or complex."""
+        own = self.form.at_speeds(row, mesh_frequency)
+        return np.moveaxis(own.generator(np.moveaxis(self.values[row], 1, 0)), 0, 1)
+
+    def slopes(self, row: Array, mesh_frequency: Array) -> tuple[Array, Array]:
+        """dA/d ln Omega and the second derivative ``(P, m, m)``; they do not depend on the state."""
+
+        def slope(at: Array) -> Array:
+            return self.form.at_speeds(row, at * (1 + 1j * TINY)).constant.imag / TINY
+
+        second = (slope(mesh_frequency * (1 + SMALL)) - slope(mesh_frequency * (1 - SMALL))) / (2 * SMALL)
+        return slope(mesh_frequency), second
+
+
+CHANGING = 2e5
+"""Multiplications in the time that a segment takes whose generator has to be made anew at every point."""
+TINY = 1e-30
+"""Imaginary step of a derivative, which is exact."""
+SMALL = 1e-5
+"""Step of a second one."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +69,11 @@ class Chain:
     weight: ``(r, D, m, m)``, the rate at which damping takes action, a quadratic form in the coordinates of the state.
     sound: ``(r,)``, whether all states may be diagonalised; if not, the real modes are meaningless.
     rounding: relative error of a segment's propagator that a proof allows for.
+    following: where generators change with the mesh frequency; then :meth:`at` makes the chain of each point, and all
+        else is that of the middle of the range. span: which segments are there.
+    slope: ``(r, D, m, m)`` of a chain of points, dA/d ln Omega in the coordinates of each state; bend: ``(r, D)``, the
+        size of the second derivative.
+    lightest: ``(r, K)``, the smallest damping ratio at mesh frequencies of the range, where ``rates`` do not tell it.
     """
 
     cycles: float
@@ -51,11 +90,21 @@ class Chain:
     weight: Array
     sound: Array
     rounding: float = ROUNDING
+    following: Following | None = None
+    span: slice = field(default_factory=lambda: slice(None))
+    slope: Array | None = None
+    bend: Array | None = None
+    lightest: Array | None = None
 
     @property
     def size(self) -> int:
         """m."""
         return int(self.values.shape[-1])
+
+    @property
+    def overhead(self) -> float:
+        """Work that each evaluation takes per segment besides that for which generators are known, in products."""
+        return 0.0 if self.following is None else CHANGING / self.size**3
 
     def period(self, cycle: Array) -> Array:
         """T at 1/Omega = ``cycle``."""
@@ -63,9 +112,27 @@ class Chain:
 
     def part(self, segments: slice) -> Chain:
         """Some segments in a row: no period."""
+        if self.following is not None:
+            return replace(self, span=segments)
         return replace(
             self, fractions=self.fractions[:, segments], states=self.states[segments], index=self.index[segments]
         )
+
+    def at(self, row: Array, cycle: Array, slopes: bool = False) -> tuple[Chain, Array]:
+        """Return a chain that holds at points (row, 1/Omega) ``(P,)``, and which of its rows each of them is.
+
+        slopes: whether it is to know how the generators change.
+        """
+        if self.following is None:
+            return self, row
+        speed = self.following.form.rate[row] / cycle
+        matrix = Generators(self.following.matrices(row, speed))
+        where = self.cycles, self.fractions[row], self.states
+        own = replace(linked(*where, matrix, self.frequencies[row], self.rates[row]), rounding=self.rounding)
+        if slopes:
+            first, second = (own.inverse @ part[:, None] @ own.basis for part in self.following.slopes(row, speed))
+            own = replace(own, slope=first, bend=np.linalg.norm(second, axis=(-2, -1)))
+        return own.part(self.span), np.arange(len(row))
 
 
 def chain(pattern: Pattern) -> Chain:

@@ -9,13 +9,14 @@ nearly singular (critical damping) the exponential is formed by scaling and squa
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.segments.pattern import Pattern, Succession
+from gearstab.rotation import factors as speed_factors
 from gearstab.system import Array
 
 SYMMETRIC = 1e-14
@@ -26,9 +27,17 @@ ILL_CONDITIONED = 1e4
 
 @dataclass(frozen=True)
 class Generators:
-    """The generators of a damped pattern, ``(r, D, m, m)`` with m = 2 n + (number of coupled rigid velocities)."""
+    """The generators of a damped pattern, ``(r, D, m, m)`` with m = 2 n + (number of coupled rigid velocities).
+
+    by_speed ``(r, K, m, m)``, laws ``(r, K, 3)``: what goes with the mesh frequency besides, as of
+    :class:`gearstab.propagation.first_order.FirstOrder`, in the pattern's units; None where nothing does. Without it
+    the states have modes. symplectic: whether multipliers are inverse in pairs, as those of gyroscopic systems.
+    """
 
     matrix: Array
+    by_speed: Array | None = None
+    laws: Array | None = None
+    symplectic: bool = False
 
     @cached_property
     def _diagonal(self) -> tuple[Array, Array, Array, Array]:
@@ -63,7 +72,21 @@ class Generators:
 
     def row(self, index: int) -> Generators:
         """One of the rows; of a single one all that is known of it."""
-        return self if len(self.matrix) == 1 else Generators(self.matrix[index : index + 1])
+        return self if len(self.matrix) == 1 else self.subset(np.array([index]))
+
+    def subset(self, index: Array) -> Generators:
+        """Some of the rows, by position."""
+        if self.by_speed is None or self.laws is None:
+            return replace(self, matrix=self.matrix[index])
+        return replace(self, matrix=self.matrix[index], by_speed=self.by_speed[index], laws=self.laws[index])
+
+    def at(self, omega: Array) -> Array:
+        """A_d ``(r, P, D, m, m)`` at mesh frequencies ``(r, P)``."""
+        if self.by_speed is None or self.laws is None:
+            return np.broadcast_to(self.matrix[:, None], (*omega.shape, *self.matrix.shape[1:]))
+        ratio, power, softening = np.moveaxis(self.laws[:, None], -1, 0)
+        moving = np.einsum("rpk,rkij->rpij", speed_factors(ratio * omega[..., None], power, softening), self.by_speed)
+        return np.asarray(self.matrix[:, None] + moving[:, :, None])
 
 
 def real_modes(values: Array, vectors: Array, inverse: Array) -> tuple[Array, Array, Array]:
@@ -138,7 +161,7 @@ def generators(pattern: Pattern) -> Generators:
 
 
 def factors(
-    generator: Generators, pattern: Pattern, row: int, omega: Array, spread: float = np.inf
+    generator: Generators, pattern: Succession, row: int, omega: Array, spread: float = np.inf
 ) -> tuple[list[Array], Array]:
     """exp(A_s t_s) of one row, first segment first, without their growth.
 
@@ -153,7 +176,7 @@ def factors(
 
 
 def _chain(
-    generator: Generators, pattern: Pattern, row: int, omega: Array, spread: float
+    generator: Generators, pattern: Succession, row: int, omega: Array, spread: float
 ) -> Iterator[tuple[Array, int, Array]]:
     """Segment by segment: the factor of a piece, how many pieces the segment has, the growth taken out of them all."""
     values = generator.eigen[0][row]
@@ -174,15 +197,3 @@ def exponential(generator: Generators, row: int, state: int, duration: Array) ->
 
         return expm(shifted * duration[:, None, None])
     return ((vectors * np.exp(values * duration[:, None])[:, None, :]) @ inverse).real
-
-
-def monodromy(generator: Generators, pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
-    """(M exp(-scale) ``(P, m, m)``, scale ``(P,)``); M is right to eps times its largest entry."""
-    product: Array = np.eye(generator.matrix.shape[-1])[None]
-    scale = np.zeros(len(omega))
-    for factor, _, growth in _chain(generator, pattern, row, omega, np.inf):
-        product = factor @ product
-        size = np.abs(product).max(axis=(1, 2))
-        product = product / size[:, None, None]
-        scale += growth + np.log(size)
-    return product, scale

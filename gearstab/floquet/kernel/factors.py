@@ -1,4 +1,4 @@
-"""Products as moderately conditioned factors, and the multipliers that the compiled kernel leaves to NumPy: of states
+"""Products as moderately conditioned factors, and the exponents that the compiled kernel leaves to NumPy: of states
 that cannot be diagonalised safely, and of very large ones.
 """
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.kernel.damped import Generators
-from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.segments.pattern import Pattern, Succession
 from gearstab.system import Array
 
 ENTRIES_AT_ONCE = 2**22
@@ -77,38 +77,29 @@ def factors(pattern: Pattern, row: int, omega: Array) -> list[Array]:
     return result
 
 
-def chains(chosen: Array, pattern: Pattern) -> Iterator[tuple[int, Array]]:
-    """(row, points) of all chosen points ``(r, P)``, in pieces of which all factors of the product fit in memory."""
-    step = max(1, ENTRIES_AT_ONCE // (len(pattern.states) * (2 * pattern.size) ** 2))
+def chains(chosen: Array, segments: int, size: int) -> Iterator[tuple[int, Array]]:
+    """(row, points) of all chosen points ``(r, P)``, in pieces of which all factors of the product fit in memory.
+
+    segments: as many factors there are, of order ``size``.
+    """
+    step = max(1, ENTRIES_AT_ONCE // (segments * size**2))
     for row in np.flatnonzero(chosen.any(axis=1)):
         points = np.flatnonzero(chosen[row])
         for i in range(0, len(points), step):
             yield int(row), points[i : i + step]
 
 
-def multipliers_damped(pattern: Pattern, generator: Generators, omega: Array) -> tuple[Array, Array, Array]:
-    """Return ln max |lambda| and ln of the size of M, ``(r, P)``, and all multipliers over exp(scale), ``(r, P, m)``.
-
-    NaN where M is not finite.
-    """
-    growth, scale = np.empty(omega.shape), np.empty(omega.shape)
-    values = np.empty((*omega.shape, generator.matrix.shape[-1]), dtype=complex)
-    for row, frequencies in enumerate(omega):
-        matrix, scale[row] = damped.monodromy(generator, pattern, row, frequencies)
-        finite = np.isfinite(matrix).all(axis=(1, 2))
-        values[row] = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0))
-        with np.errstate(divide="ignore"):
-            largest = np.log(np.abs(values[row]).max(axis=-1))
-        growth[row] = np.where(finite, largest + scale[row], np.nan)
-    return growth, scale, values
-
-
 def log_multipliers_damped(
-    pattern: Pattern, generator: Generators, omega: Array, of_factors: Callable[[Sequence[Array]], Array]
+    pattern: Succession,
+    generator: Generators,
+    omega: Array,
+    multipliers: Callable[[Succession, Generators, Array], tuple[Array, Array, Array]],
+    of_factors: Callable[[Sequence[Array]], Array],
 ) -> Array:
     """ln lambda ``(r, P, m)`` of a damped pattern; the product is formed only where that costs no digits.
 
-    of_factors: which ``graded`` serves where :mod:`gearstab.floquet.kernel.levels` does not.
+    multipliers: of a product that is formed: ln max |lambda|, ln of its size, and lambda over that. of_factors: which
+    ``graded`` serves where :mod:`gearstab.floquet.kernel.levels` does not.
     """
     logs = np.full((*omega.shape, generator.matrix.shape[-1]), np.nan, dtype=complex)
     decay = np.ptp(generator.eigen[0].real, axis=-1)[:, pattern.states]
@@ -121,11 +112,11 @@ def log_multipliers_damped(
     wide = np.asarray(np.isnan(logs).any(axis=2))
     for row in map(int, np.flatnonzero(wide.any(axis=1))):
         own, left = (pattern.row(row), generator.row(row)), wide[row]
-        _, scale, values = multipliers_damped(*own, omega[row : row + 1, left])
+        _, scale, values = multipliers(*own, omega[row : row + 1, left])
         with np.errstate(divide="ignore", invalid="ignore"):
             logs[row, left] = np.log(values[0]) + scale[0, :, None]
         wide[row, left] = np.ptp(logs[row, left].real, axis=-1) > SPREAD
-    for row, points in chains(wide, pattern):
+    for row, points in chains(wide, len(pattern.states), logs.shape[-1]):
         chain, growing = damped.factors(generator, pattern, row, omega[row, points], spread=1.0)
         logs[row, points] = of_factors(chain) + growing[:, None]
     return logs

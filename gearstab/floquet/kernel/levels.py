@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg.blas import ztrmm, ztrsm
 
 from gearstab.floquet.kernel.damped import Generators
-from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.segments.pattern import Succession
 from gearstab.interrupts import heed
 from gearstab.system import Array
 
@@ -36,7 +36,7 @@ SMALL = 8
 """Size of a half from which on matrices are eliminated by halves."""
 
 
-def log_multipliers(pattern: Pattern, generator: Generators, row: int, omega: Array) -> Array:
+def log_multipliers(pattern: Succession, generator: Generators, row: int, omega: Array) -> Array:
     """ln lambda ``(P, m)``, from the largest to the smallest, of a well-conditioned row; NaN where checks fail."""
     values, vectors, inverse = (part[row : row + 1] for part in generator.eigen)
     order = np.argsort(-values.real, axis=-1, kind="stable")

@@ -28,6 +28,18 @@ with the P_i that the next step really starts from, P_0 = P_S included. Only the
 time are not covered by that; ``rounding`` times the largest entry of P is subtracted from Q for them. This is no
 interval arithmetic.
 
+Where A_i changes with the mesh frequency, as speeds of rotation W follow it, F_i(eta) = exp(Z(eta)) with Z = h_i (1 +
+eta) A_i(W/(1 + eta)), and h_i A_i gives way to
+
+    G_i = F_i^-1 dF_i/deta = int_0^1 exp(-u Z) Z' exp(u Z) du,    Z' = h_i (A_i - D_i),    D_i = dA_i/d ln Omega:
+
+the proof is the same, with V running from s = eta down to 0, but for the dependence of G_i on eta. With d_u = exp(-u Z)
+h_i D_i exp(u Z), which in real modal coordinates is about as large as h_i D_i, and d its mean over u,
+
+    dG_i/deta = (Z'' transported) + 2 d - d_0 - d_1 + O(|d|^2);
+
+what bounds it, times the largest radius, is taken from Q_i too.
+
 The radius grows with damping, to about one damping ratio at epsilon = 0.3, and falls with the distance to an edge.
 """
 
@@ -57,6 +69,12 @@ NEGLIGIBLE = 1e-9
 """Entries of M'^k below this add nothing to P."""
 
 
+FARTHEST = 1 / 32
+"""The largest radius that is asked for where generators change with the mesh frequency."""
+SECURE = 1.5
+"""Factor by which what bounds the second derivative grows within that radius: (1 - FARTHEST)^-4 is 1.14."""
+SAME = 1e-8
+"""Difference of two exponents of a segment below which they count as equal."""
 UNKNOWNS = 80
 """Most unknowns of a linear system for P that is set up; larger P are found from the eigenvectors of M."""
 
@@ -113,7 +131,7 @@ def radii(chain: Chain, row: Array, cycle: Array, growth: Array) -> Array:
         sweep = _Sweep(chain, row[k], period[k], rate[k])
         with np.errstate(all="ignore"):
             radius[k] = sweep.tested(solution(*sweep.equation()))
-    return radius
+    return radius if chain.slope is None else np.minimum(radius, FARTHEST)
 
 
 def _exponential(values: Array, duration: Array) -> Array:
@@ -128,6 +146,17 @@ def _blocks(numbers: Array, values: Array) -> Array:
     result[:, each, each] = numbers.real
     result[:, each[:-1], each[1:]] = np.where(values.imag[:, :-1] > 0, numbers.imag[:, :-1], 0.0)
     result[:, each[1:], each[:-1]] = -result[:, each[:-1], each[1:]]
+    return result
+
+
+def _pairs(values: Array) -> Array:
+    """``(P, m, m)``: what takes real modal coordinates into complex ones, columns 1, i and 1, -i of each pair."""
+    result = np.zeros((*values.shape, values.shape[1]), dtype=complex)
+    each = np.arange(values.shape[1])
+    upper, lower = values.imag > 0, values.imag < 0
+    result[:, each, each] = np.where(lower, -1j, 1.0)
+    result[:, each[1:], each[:-1]] = np.where(upper[:, :-1], 1j, 0.0)
+    result[:, each[:-1], each[1:]] = np.where(lower[:, 1:], 1.0, 0.0)
     return result
 
 
@@ -219,12 +248,32 @@ class _Sweep:
             loss = matrix - before
             loss[:, each, each] -= self.chain.rounding * np.abs(matrix).max(axis=(1, 2))[:, None]
             there = length != 0
+            generator, bent = self.stretched(segment, values, length)
             for form in (matrix, before):
-                rise = length[:, None, None] * (form @ _blocks(values, values))
+                rise = form @ generator
                 rise = rise + _transposed(rise)
+                more = (bent * np.linalg.norm(form, axis=(1, 2)))[:, None, None] * np.eye(self.chain.size)
                 for k, sign in enumerate((1.0, -1.0)):
-                    radius[k, there] = _largest(loss[there], sign * rise[there], radius[k, there])
+                    radius[k, there] = _largest(loss[there], (sign * rise + more)[there], radius[k, there])
         return radius.T
+
+    def stretched(self, segment: int, values: Array, length: Array) -> tuple[Array, Array]:
+        """F^-1 dF/d eta ``(P, m, m)`` of pieces of a segment, and FARTHEST times twice the size of its derivative."""
+        chain, state = self.chain, self.chain.states[segment]
+        generator = length[:, None, None] * _blocks(values, values)
+        if chain.slope is None or chain.bend is None:
+            return generator, np.zeros(len(length))
+        slope = length[:, None, None] * chain.slope[self.row, state]
+        turn = _pairs(values)
+        back = np.linalg.inv(turn)
+        growth = length[:, None] * values
+        apart = growth[:, None, :] - growth[:, :, None]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = np.where(np.abs(apart) < SAME, 1.0, np.expm1(apart) / apart)
+        averaged = (turn @ (mean * (back @ slope @ turn)) @ back).real
+        size = np.linalg.norm(slope, axis=(1, 2)) * np.exp(np.ptp(growth.real, axis=1))
+        bend = np.abs(length) * chain.bend[self.row, state] * np.exp(np.ptp(growth.real, axis=1))
+        return generator - averaged, 2 * FARTHEST * SECURE * (bend + 4 * size + size**2)
 
 
 def _largest(loss: Array, rise: Array, radius: Array) -> Array:

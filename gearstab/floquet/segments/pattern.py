@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.grouping import equal_rows
 from gearstab.modal import symmetric_eigen
 from gearstab.propagation.schedule import Functions, sources
+from gearstab.support import ONLY_MESHES, require
 from gearstab.system import Array, GearSystem, Mesh
 
 SHORTEST = 2e-15
@@ -32,18 +34,14 @@ MOST_BITS = 62
 
 
 @dataclass(frozen=True)
-class Pattern:
-    """A stack of r rows that share one sequence of S segments over D states of n elastic coordinates.
+class Succession:
+    """A stack of r rows that share one sequence of S segments over D states.
 
     rows: ``(r,)``, positions in the flattened batch of the system.
     cycles: N; the common period is N 2 pi/Omega.
     fractions: ``(r, S)``, durations as parts of the common period; they add up to 1.
     start: ``(r,)``, where in the common period (in parts of it, t = 0 is 0) the first segment begins.
     states: ``(S,)``, which state each segment is in.
-    levels: ``(r, D, meshes)``, the mesh stiffnesses of each state, in the system's own units.
-    elastic: the reduced coordinates, in which M = I and time is in units of 1/``elastic.rate``.
-    stiffness: ``(r, D, n, n)``, K of each state in these coordinates and units.
-    closed: whether the segments make up a period; else the first does not follow the last.
     """
 
     rows: Array
@@ -51,6 +49,51 @@ class Pattern:
     fractions: Array
     start: Array
     states: Array
+
+    @cached_property
+    def successions(self) -> tuple[Array, Array, Array]:
+        """States s and what follows them, each pair once: (s + 1 ``(Q,)``, s ``(Q,)``, which pair each segment is).
+
+        A common period may have thousands of segments, but of D states there are at most D^2 changes.
+        """
+        count, following = int(self.states.max()) + 1, np.roll(self.states, -1)
+        if count == len(self.states):
+            # Every segment has its own state, as Magnus steps have: nothing comes twice.
+            return following, self.states, np.arange(count)
+        pairs, index = np.unique(following * count + self.states, return_inverse=True)
+        return pairs // count, pairs % count, index
+
+    def pairs(self, inverse: Array, basis: Array) -> tuple[Array, Array]:
+        """(distinct products B_{s+1}^-1 B_s ``(r, Q, m, m)``, which of them follows each segment ``(S,)``).
+
+        inverse, basis: ``(r, D, m, m)``, of each state.
+        """
+        after, before, index = self.successions
+        return inverse.take(after, axis=1) @ _of_states(basis, before), index
+
+    def row(self, index: int) -> Self:
+        """One of the rows, as a stack of its own."""
+        return self.subset(np.array([index]))
+
+    def subset(self, index: Array) -> Self:
+        """Some of the rows, by position."""
+        return replace(self, rows=self.rows[index], fractions=self.fractions[index], start=self.start[index])
+
+    def durations(self, row: int, omega: Array) -> Array:
+        """``(S, P)``, durations of a row's segments, units 1/rate, for mesh frequencies ``(P,)`` in units of rate."""
+        return self.fractions[row][:, None] * (2 * np.pi * self.cycles) / omega
+
+
+@dataclass(frozen=True)
+class Pattern(Succession):
+    """A succession of segments of n elastic coordinates.
+
+    levels: ``(r, D, meshes)``, the mesh stiffnesses of each state, in the system's own units.
+    elastic: the reduced coordinates, in which M = I and time is in units of 1/``elastic.rate``.
+    stiffness: ``(r, D, n, n)``, K of each state in these coordinates and units.
+    closed: whether the segments make up a period; else the first does not follow the last.
+    """
+
     levels: Array
     elastic: Elastic
     stiffness: Array
@@ -86,27 +129,6 @@ class Pattern:
         return self.squared_frequency + self.elastic.shift[:, None, None] ** 2 < 0
 
     @cached_property
-    def successions(self) -> tuple[Array, Array, Array]:
-        """States s and what follows them, each pair once: (s + 1 ``(Q,)``, s ``(Q,)``, which pair each segment is).
-
-        A common period may have thousands of segments, but of D states there are at most D^2 changes.
-        """
-        count, following = self.stiffness.shape[1], np.roll(self.states, -1)
-        if count == len(self.states):
-            # Every segment has its own state, as Magnus steps have: nothing comes twice.
-            return following, self.states, np.arange(count)
-        pairs, index = np.unique(following * count + self.states, return_inverse=True)
-        return pairs // count, pairs % count, index
-
-    def pairs(self, inverse: Array, basis: Array) -> tuple[Array, Array]:
-        """(distinct products B_{s+1}^-1 B_s ``(r, Q, m, m)``, which of them follows each segment ``(S,)``).
-
-        inverse, basis: ``(r, D, m, m)``, of each state.
-        """
-        after, before, index = self.successions
-        return inverse.take(after, axis=1) @ _of_states(basis, before), index
-
-    @cached_property
     def _turns(self) -> tuple[Array, Array]:
         after, before, index = self.successions
         # A transposed view is multiplied faster than a transposed copy is made.
@@ -125,14 +147,10 @@ class Pattern:
             return distinct[rows]
         return distinct[rows].take(index, axis=1)
 
-    def row(self, index: int) -> Pattern:
-        """One of the rows, as a pattern of its own."""
-        return self.subset(np.array([index]))
-
-    def subset(self, index: Array) -> Pattern:
+    def subset(self, index: Array) -> Self:
         """Some of the rows, by position; eigenproblems that were solved stay so."""
-        own = {name: getattr(self, name)[index] for name in ("rows", "fractions", "start", "levels", "stiffness")}
-        part = replace(self, elastic=self.elastic.subset(index), **own)
+        levels, stiffness = self.levels[index], self.stiffness[index]
+        part = replace(super().subset(index), levels=levels, stiffness=stiffness, elastic=self.elastic.subset(index))
         if "_eigen" in vars(self):
             vars(part)["_eigen"] = tuple(values[index] for values in self._eigen)
         return part
@@ -147,10 +165,6 @@ class Pattern:
         own = self.elastic.unshifted()
         stiffness = own.stiffness_of(self.levels) if self.elastic.shift.any() else self.stiffness
         return replace(self, elastic=own, stiffness=stiffness)
-
-    def durations(self, row: int, omega: Array) -> Array:
-        """``(S, P)``, durations of a row's segments, units 1/rate, for mesh frequencies ``(P,)`` in units of rate."""
-        return self.fractions[row][:, None] * (2 * np.pi * self.cycles) / omega
 
 
 def _of_states(values: Array, states: Array) -> Array:
@@ -171,8 +185,7 @@ def prepare(system: GearSystem) -> list[Pattern]:
 
 
 def _check(system: GearSystem) -> None:
-    if system.general:
-        raise ValueError("only the mesh stiffness may vary here, and damping must be symmetric")
+    require(system, ONLY_MESHES, "theory in modes")
     smooth = [mesh.name for mesh in system.meshes if not mesh.waveform.piecewise_constant]
     if smooth:
         names = ", ".join(f"'{name}'" for name in smooth)

@@ -10,11 +10,11 @@ import numpy as np
 from gearstab.floquet.kernel.damped import generators
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE
 from gearstab.floquet.segments.blocks import Block, split, whole
-from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.floquet.smooth.compare import rounding
 from gearstab.floquet.smooth.control import PILOTS, Estimates, Ladder, estimates, first, rectangles
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
-from gearstab.floquet.smooth.steps import Division, divisions, portions
+from gearstab.floquet.smooth.steps import Division, portions
 from gearstab.floquet.solution import (
     DAMPED_ON_CIRCLE,
     OperatingPoints,
@@ -36,6 +36,19 @@ COARSE = 4
 """Resolution at which blocks are told apart: of CF4:2, in general position."""
 SAMPLES = Scheme("samples", 0, CF6_5.nodes, np.diag(CF6_5.weights.sum(axis=0)))
 """Not a scheme: the stiffness at the nodes themselves."""
+
+
+def periods(system: GearSystem, most: int | None = None) -> Iterator[tuple[Pattern, Division | None]]:
+    """All rows over a common period: patterns that tell their blocks apart, and the period still to be cut into steps;
+    None where it is exact as it is, the stiffness being constant or jumping only.
+
+    most: rows at once, see :func:`~gearstab.floquet.smooth.steps.portions`.
+    """
+    if system.piecewise_constant:
+        yield from ((pattern, None) for pattern in prepare(system))
+        return
+    for division in portions(system, most):
+        yield split_pattern(division), None if division.constant.all() else division
 
 
 def solutions(
@@ -166,8 +179,3 @@ def _settled(found: Estimates, status: Array, pattern: Pattern, rows: Array, poi
         verdict, growth, bits = decide_doubtful(pattern, row, omega[target])
         found.verdict[target], found.growth[target] = verdict, growth
         status[target] |= bits
-
-
-def sampled(system: GearSystem) -> Pattern:
-    """A single system over its common period at a low resolution, as good as any to tell its blocks apart."""
-    return split_pattern(next(divisions(system)))

@@ -11,9 +11,11 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shutil import which
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
+import matplotlib.style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
@@ -95,16 +97,34 @@ RC: dict[str, Any] = {
 }
 
 
-@contextmanager
-def style() -> Iterator[None]:
-    """Matplotlib's defaults plus ``RC``; the parameters found on entry come back on exit.
+PREAMBLE = r"\usepackage{amsmath}"
+PROGRAMS = ("latex", "dvipng")
+"""What matplotlib runs to draw text by LaTeX."""
+LATEX = "latex"
+"""The style whose text LaTeX sets, in its own fonts."""
 
-    A letter that no font has is drawn as a box, without a warning.
+
+@contextmanager
+def style(name: str = "") -> Iterator[None]:
+    """Matplotlib's defaults plus ``RC`` and a style; the parameters found on entry come back on exit.
+
+    name: "latex", one of matplotlib's styles or the path of a style sheet. A letter that no font has is drawn as a box,
+    without a warning. Raises PlotError for an unknown style, and where LaTeX is asked for and not installed.
     """
     with mpl.rc_context(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=r"Glyph .* missing from", category=UserWarning)
         mpl.rcdefaults()
         mpl.rcParams.update(RC)  # type: ignore[arg-type]  # the stubs want the keys as literals
+        if name == LATEX:
+            mpl.rcParams.update({"text.usetex": True, "font.family": ["serif"], "text.latex.preamble": PREAMBLE})
+        elif name:
+            try:
+                mpl.style.use(name)
+            except OSError:
+                known = listed([LATEX, *(known for known in mpl.style.available if not known.startswith("_"))])
+                raise PlotError(f"--style {name}: no style sheet of this name; use a file, or {known}") from None
+        if mpl.rcParams["text.usetex"] and not all(map(which, PROGRAMS)):
+            raise PlotError(f"--style {name}: text by LaTeX needs the programs {listed(PROGRAMS)}; install them")
         yield
 
 
@@ -155,15 +175,15 @@ def checked_extension(path: Path) -> str:
     return extension
 
 
-def save(figure: Figure, path: Path, title: str = "") -> None:
-    """Write a figure, whole or not at all.
+def save(figure: Figure, path: Path, title: str = "", sheet: str = "") -> None:
+    """Write a figure, whole or not at all; sheet: its style, see :func:`style`.
 
     Raises PlotError for an unknown extension, OutputError where ``path`` is no figure to replace, and OSError where it
     cannot be written.
     """
     extension = checked_extension(path)
     data = io.BytesIO()
-    with style():
+    with style(sheet):
         figure.savefig(data, format=extension[1:], dpi=figure.dpi, metadata=metadata(extension, title))
     write_bytes(path, data.getbuffer(), FIGURE.refuse)
 

@@ -6,6 +6,8 @@ import re
 from collections.abc import Mapping
 from textwrap import wrap
 
+import matplotlib as mpl
+
 FORMULA = 0xE000
 """First character of the private use area, which stands for formulas while lines are broken."""
 
@@ -30,9 +32,16 @@ SYMBOLS = {
 """The field's symbol of a parameter or variable, by the last name of its path."""
 
 
+LATEX = str.maketrans(
+    {**{sign: "\\" + sign for sign in "$&%#_{}"}, "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+     "\\": r"\textbackslash{}"}
+)  # fmt: skip
+"""Signs that mean something to LaTeX, as it prints them."""
+
+
 def plain(text: str) -> str:
-    """Text that matplotlib prints as it stands (a lone dollar would start mathematics)."""
-    return text.replace("$", r"\$")
+    """Return text that is printed as it stands (a lone dollar would start mathematics)."""
+    return text.translate(LATEX) if mpl.rcParams["text.usetex"] else text.replace("$", r"\$")
 
 
 def symbol(name: str, meshes: Mapping[str, int] | None = None) -> str | None:

@@ -54,6 +54,8 @@ ALIKE = 1e-6
 """Natural frequencies closer than this part of the frame have one name."""
 NEAR = (0.075, 0.045)
 """Numbers of orders closer than these parts of the frame would lie over one another."""
+KILOHERTZ = 2000.0
+"""Frames that reach this frequency, Hz, are drawn in kHz."""
 NAMED = 12
 """Regions that are named at the most, the widest."""
 HALO = [withStroke(linewidth=1.6, foreground="white")]
@@ -79,12 +81,15 @@ def view_campbell(tree: xr.DataTree, request: Request) -> tuple[View, FigureAxis
     return view, speed
 
 
-def frequency_unit(tree: xr.DataTree, speed: FigureAxis | None) -> tuple[str, float]:
-    """The unit of frequencies and what one of it is in rad/s: as the mesh frequency has it, and Hz beside rpm."""
+def frequency_unit(tree: xr.DataTree, speed: FigureAxis | None, top: float) -> tuple[str, float]:
+    """Return the unit of frequencies and its size in rad/s: that of the mesh frequency, and Hz or kHz beside rpm.
+
+    top: the highest frequency of the frame, rad/s.
+    """
     own = units_of(group_of(tree, "modes")["natural_frequency"]) if "modes" in tree.children else "rad/s"
     if own == "1" or speed is None or speed.units in ("rad/s", "1"):
         return own, 1.0
-    return "Hz", 2 * pi
+    return ("kHz", 2000 * pi) if top >= KILOHERTZ * 2 * pi or speed.units == "kHz" else ("Hz", 2 * pi)
 
 
 def fixed_speed(tree: xr.DataTree, view: View, speed: FigureAxis | None) -> float | None:
@@ -216,15 +221,15 @@ def draw_orders(ax: Axes, panel: Panel, unit: float) -> list[Line2D]:
             if not inside.size:
                 continue
             lines += ax.plot(x, y, color=colour, linestyle=look, linewidth=0.6, alpha=0.85, zorder=1.5)
-            end = float(x[inside[-1]]), float(y[inside[-1]])
-            where = place.transform(end)
-            if any((np.abs(where - other) < NEAR).all() for other in numbered):
-                continue
+            line = np.column_stack([x, y])[inside[::-1]]
+            places = place.transform(line)
+            apart = [all((np.abs(where - other) >= NEAR).any() for other in numbered) for where in places]
+            end, where = line[np.argmax(apart)], places[np.argmax(apart)]
             numbered.append(where)
             above = panel.parameter is not None and where[1] < 0.9
             ax.annotate(
-                f"{0.5 * half:g}$\\times${mesh}", end, (-2, 1 if above else -1), textcoords="offset points", ha="right",
-                va="bottom" if above else "top", fontsize=6.5, color=colour, path_effects=HALO, zorder=4,
+                f"{0.5 * half:g}$\\times${mesh}", tuple(end), (-2, 1 if above else -1), textcoords="offset points",
+                ha="right", va="bottom" if above else "top", fontsize=6.5, color=colour, path_effects=HALO, zorder=4,
             )  # fmt: skip
     return lines
 
@@ -235,8 +240,8 @@ def order_colour(number: int, count: int) -> str:
 
 
 def draw_crossings(ax: Axes, panel: Panel, unit: float) -> Artists:
-    """Where orders meet what they make grow, over the speed: a bar from edge to edge of each open region on the natural
-    frequencies of its modes, both joined; faint where a region is closed.
+    """Draw the regions over the speed: a bar from edge to edge of each open one on the natural frequencies of its
+    modes, and a mark where a drawn order passes their mean, faint where the region is closed.
     """
     factor, (low, high) = panel.view.factor or 1.0, ax.get_xlim()
     w, marks, closed = panel.modes[0] / unit, Marks(), Marks()
@@ -250,9 +255,10 @@ def draw_crossings(ax: Axes, panel: Panel, unit: float) -> Artists:
             ends = np.clip([region.low[0] / factor, region.high[0] / factor], low, high)
             if ends[0] < ends[1]:
                 bars += [[(ends[0], y), (ends[1], y)] for y in np.unique(own)]
-                marks.add(region, float(np.clip(centre, *ends)), own, (ends[1] - ends[0]) / (high - low))
-        elif region.harmonic and low <= centre <= high:
-            closed.add(region, centre, own[:1] if region.p == region.q else np.atleast_1d(own.mean()), 1.0)
+            if low <= centre <= high and region.harmonic <= panel.orders:
+                marks.add(region, centre, own, (ends[1] - ends[0]) / (high - low))
+        elif 0 < region.harmonic <= panel.orders and low <= centre <= high:
+            closed.add(region, centre, own, 1.0)
     if len(closed.two) > MOST_CLOSED:
         closed.two.clear()
     ax.add_collection(LineCollection(bars, colors=UNSTABLE, linewidths=2.6, zorder=2.5), autolim=False)
@@ -282,7 +288,7 @@ def draw_segments(ax: Axes, panel: Panel, unit: float) -> Artists:
 
 
 class Marks:
-    """Places of regions of one mode and of two: ``(x, y, size)``, and what joins those of two."""
+    """Places of regions of one mode and of two, ``(x, y, size)``, and lines that join the frequencies of two."""
 
     def __init__(self) -> None:
         self.one: list[tuple[float, float, float]] = []
@@ -290,16 +296,17 @@ class Marks:
         self.joints: list[Any] = []
 
     def add(self, region: Region, x: float, y: Array, width: float) -> None:
-        """Mark a region of a width, as a part of the frame, at one or two heights."""
-        size = SIZES[0] + (SIZES[1] - SIZES[0]) * min(width / WIDE, 1.0)
-        (self.one if region.p == region.q else self.two).extend((x, float(height), size) for height in np.unique(y))
+        """Mark a region at the mean of its two natural frequencies y; width: its part of the frame."""
+        size = SIZES[0] + (SIZES[1] - SIZES[0]) * min(max(width, 0.0) / WIDE, 1.0)
+        (self.one if region.p == region.q else self.two).append((x, float(y.mean()), size))
         if y[0] != y[-1]:
             self.joints.append([(x, y[0]), (x, y[-1])])
 
     def draw(self, ax: Axes, faint: bool) -> dict[str, PathCollection]:
         """Draw them; by sort, none of a sort that there is none of."""
-        lines = LineCollection(self.joints, colors=UNSTABLE, linewidths=0.5, linestyles=":", zorder=1.7)
-        ax.add_collection(lines, autolim=False)
+        if not faint:
+            lines = LineCollection(self.joints, colors=UNSTABLE, linewidths=0.5, linestyles=":", zorder=1.7)
+            ax.add_collection(lines, autolim=False)
         drawn = {}
         for sort, places in (("one", self.one), ("two", self.two)):
             if places:
@@ -313,6 +320,7 @@ class Marks:
 
 
 MARKERS = {"one": "o", "two": "D"}
+CLOSED = {"one": "one mode, closed", "two": "two modes, closed"}
 
 
 def spot(sort: str, faint: bool, words: str) -> Line2D:
@@ -365,9 +373,8 @@ def legend_handles(panels: list[Panel], drawn: list[Artists]) -> list[Any]:
     for sort, words in (("one", "instability of one mode"), ("two", "instability of two modes")):
         if any(sort in artists["regions"] for artists in drawn):
             handles.append(spot(sort, False, words))
-    if any(artists["closed"] for artists in drawn):
-        sort = "one" if any("one" in artists["closed"] for artists in drawn) else "two"
-        handles.append(spot(sort, True, "closed"))
+    closed = {sort for artists in drawn for sort in artists["closed"]}
+    handles += [spot(sort, True, CLOSED[sort]) for sort in MARKERS if sort in closed]
     if any(artists["bands"] is not None for artists in drawn):
         handles.append(Patch(facecolor=SHADE, label=f"unstable speeds{panels[0].theory}"))
     if any(artists.get("segments") for artists in drawn):
@@ -384,8 +391,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     chosen, note = some(view.free, MOST_PANELS, "panels", request.partial)
     views = [view.at(**index) for index in chosen]
     panels = [Panel(tree, item, speed) for item in views]
-    words, unit = frequency_unit(tree, speed)
     top = max(panel.top() for panel in panels)
+    words, unit = frequency_unit(tree, speed, top)
     wide = request.wide("double" if len(panels) > 1 else "single")
     if len(panels) == 1:
         figure, ax = new_frame(request, (1.0, 0.55))

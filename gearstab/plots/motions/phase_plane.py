@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import group_of, units_of
-from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.long_line import draw_long_line
 from gearstab.plots.drawing.style import CASES, SHADE, new_figure
 from gearstab.plots.drawing.text import bracketed, fitted, plain
@@ -64,7 +64,7 @@ def draw_history(ax: Axes, data: xr.Dataset, mesh: str) -> Any:
     shown = max(PERIODS, 2 * int(data.attrs.get("period", 0))) * period
     part = time >= time[-1] - shown * (1 + 1e-9)
     one = data.sel(mesh=mesh)
-    bands = ax.axhspan(*one["play"].values, color=SHADE, linewidth=0, zorder=0.4)
+    bands = ax.axhspan(*one["play"].values, color=SHADE, linewidth=0, zorder=0.4, label="no teeth in contact")
     line = draw_long_line(ax, time[part], one["mesh_deflection"].values[part], CASES[0])
     ax.set_xlim(time[part][0], time[-1])
     keep_to(ax.set_ylim, one["mesh_deflection"].values[part])
@@ -81,7 +81,8 @@ def draw_plane(ax: Axes, data: xr.Dataset, mesh: str) -> Any:
     line = draw_long_line(ax, x, v, CASES[0], 0.5)
     turns = data["time"].values[part] / float(data.attrs["common_period"])
     at = np.abs(turns - np.round(turns)) < 1e-6
-    (dots,) = ax.plot(x[at], v[at], linestyle="none", marker="o", markersize=2.4, color=CASES[1], zorder=3)
+    look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 2.4, "color": CASES[1], "zorder": 3}
+    (dots,) = ax.plot(x[at], v[at], label="once per common period", **look)
     keep_to(ax.set_xlim, x)
     ax.set_xlabel(label("mesh deflection", one["mesh_deflection"], ""))
     ax.set_ylabel(label("rate", one["mesh_velocity"], ""))
@@ -114,6 +115,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         for name, artist in zip(artists, (line, plane, dots, band), strict=True):
             artists[name].append(artist)
     figure.align_ylabels(list(axes))
+    artists["legend"] = write_legend(figure, [artists["bands"][0], artists["sections"][0]])
     write_title(figure, tree, request)
     return figure, artists
 

@@ -7,7 +7,7 @@ counts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,13 +31,6 @@ class LoadedTeeth:
     pair: Pair
     model: StiffnessModel
     gears: tuple[str, str]
-
-    @property
-    def sharing(self) -> StiffnessModel:
-        """Return how pairs in contact share the load: those of an internal gear of unknown stiffness do so equally."""
-        if self.pair.wheel.internal and self.model.single_pair_stiffness is None:
-            return replace(self.model, single_pair_stiffness=1.0)
-        return self.model
 
     @property
     def in_order(self) -> tuple[str, str]:
@@ -74,12 +67,12 @@ def tooth_loads(teeth: LoadedTeeth, phase: Array, force: Array, static: float, p
     """Compute the loads of teeth from the mesh force ``(samples,)`` at phases ``(samples,)``, in cycles, and the static
     mesh force.
 
-    points: parts of the contact; with fewer samples in a mesh cycle some of them may be empty, NaN. All are NaN where
-    the teeth by themselves would part, with a contact ratio below 1.
+    points: parts of the contact; with fewer samples in a mesh cycle some of them may be empty, NaN. All are NaN for
+    helical teeth, and where the teeth by themselves would part, with a contact ratio below 1.
     """
-    pair, model = teeth.pair, teeth.sharing
+    pair, model = teeth.pair, teeth.model
     ratio = pair.contact_ratio
-    if ratio < 1:
+    if ratio < 1 or pair.overlap_ratio > 0:
         none, both = np.full(points, np.nan), np.full((points, 2), np.nan)
         return ToothLoads(none, none, both, both)
     load = np.full(points, -np.inf)

@@ -20,7 +20,6 @@ from typing import TypeVar
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.config import parameters_at
 from gearstab.errors import listed
 from gearstab.methods import RANGE
 from gearstab.results.variables import GRID
@@ -29,7 +28,6 @@ from gearstab.sweep.effort.clock import within
 from gearstab.sweep.effort.words import duration
 from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.storage import store
-from gearstab.systems import build
 
 BUDGET = 6.0
 """Seconds for the samples of all methods together."""
@@ -221,7 +219,7 @@ def _of_parts(plan: Plan, layout: Layout, clock: Clock) -> float | None:
     index = np.unravel_index(layout.points // 2, layout.shape) if layout.shape else ()
     rows = {name: np.asarray(k) for name, k in zip(layout.dims, index, strict=True)}
     method, runs = layout.method.once()
-    method = method.of(build(parameters_at(plan.config, rows)))
+    method = method.of(plan.config.at(rows).build())
     ends, total = np.geomspace(*plan.mesh_frequency_range, PARTS + 1), 0.0
     for k, (low, high) in enumerate(pairwise(ends)):
         share = Clock(clock.left / (PARTS - k))

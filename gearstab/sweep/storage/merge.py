@@ -28,7 +28,6 @@ from gearstab.sweep.storage.earlier import origin
 from gearstab.sweep.storage.parts import FinishedBlock
 from gearstab.sweep.storage.store import Finished
 from gearstab.system import Array
-from gearstab.systems import model_of
 
 
 def result_tree(finished: Finished, said: Mapping[str, str]) -> ResultTree:
@@ -70,7 +69,7 @@ def with_range(field: Field, config: Config) -> Field:
     name = field.variable.name
     if config.design is None or name not in SPEEDS:
         return field
-    cycles = float(model_of(config.parameters).cycles_of_input(config.parameters) or 1.0)
+    cycles = float(config.system.cycles_of_input(config.system) or 1.0)
     ends = []
     for item in config.design.ranges:
         factor = 1.0 if item.of == name else cycles if item.of == INPUT_SPEED else 1 / cycles

@@ -27,7 +27,7 @@ from gearstab.systems.parts.faults import weak_tooth
 from gearstab.waveforms import Tooth
 
 
-def build(p: dict[str, Any]) -> GearSystem:
+def build(p: Any) -> GearSystem:
     """The gear system of a train; raises TrainError where its parts do not fit together.
 
     Source: Kuria & Kihiu 2008, section III (Lagrange's equations of 13 rotations and 20 displacements).
@@ -69,12 +69,15 @@ def _weak_teeth(train: Train, system: GearSystem) -> Iterator[Mesh]:
     known = {mesh.name: mesh for mesh in system.meshes}
     found: dict[str, int] = {}
 
-    def part(name: str, teeth: MeshTeeth, p: dict[str, Any], fault: dict[str, Any], count: int, cycles: int) -> Mesh:
+    def part(name: str, teeth: MeshTeeth, p: Any, fault: Any, count: int, cycles: int) -> Mesh:
         whole, title = known[name], f"{name}.{fault['gear']} tooth {fault.get('tooth', 1)}"
         found[title] = found.get(title, 0) + 1
         title += f" ({found[title]})" if found[title] > 1 else ""
-        own = teeth.one_pair if isinstance(whole.waveform, Tooth) else None
-        return weak_tooth(whole, title, count, fault["factor"], teeth.contact_ratio(p), cycles, own)
+        c, factor = teeth.contact_ratio(p), fault["factor"]
+        if not isinstance(whole.waveform, Tooth):
+            return weak_tooth(whole, title, count, factor, c, cycles)
+        overlap = teeth.each(lambda pair: pair.overlap_ratio)
+        return weak_tooth(whole, title, count, factor, c, cycles, teeth.one_pair, overlap)
 
     for item in train.sets:
         planets_turn, sun_drives, _ = train.power(item)
@@ -136,11 +139,11 @@ def _damped(train: Train, found: MeshElement, mass: Array) -> MeshElement:
     return replace(found, p=p | {"damping": drag if np.any(drag) else None})
 
 
-def _filled(train: Train, k: int) -> dict[str, Any]:
+def _filled(train: Train, k: int) -> Any:
     """The parameters of a mesh with what its teeth give."""
     p = train.p["meshes"][k]
     if not from_teeth(p):
-        return dict(p)
+        return p
     try:
         return train.teeth_of(k).filled()
     except NotPossible as error:
@@ -193,7 +196,7 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
     return replace(system, terms=(*system.terms, *terms), forces=(*system.forces, *pushes))
 
 
-def shaft_stiffness(train: Train, shaft: dict[str, Any]) -> Array:
+def shaft_stiffness(train: Train, shaft: Any) -> Array:
     """k as given, or G pi (d^4 - d_i^4)/(32 l) of a round shaft, N m/rad."""
     if shaft.get("stiffness") is not None:
         return rotors.number(shaft, "stiffness")

@@ -10,9 +10,7 @@ import numpy as np
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid, parameters_at
-from gearstab.system import GearSystem
-from gearstab.systems.gearbox.build import build
+from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.kinematics import TrainError
 
@@ -25,11 +23,11 @@ MOST_PAIRS = 4096
 
 Found = tuple[Path, str, str]
 """Path below ``system``, message, remedy."""
-Question = Callable[[Grid, dict[str, Any]], Found | None]
+Question = Callable[[Grid[Any], dict[str, Any]], Found | None]
 """What finds a mistake at points of a grid, given by their indices on some axes."""
 
 
-def check_points(document: Document, grid: Grid, questions: Sequence[tuple[Question, int]]) -> None:
+def check_points(document: Document, grid: Grid[Any], questions: Sequence[tuple[Question, int]]) -> None:
     """Report the first point at which a question finds a mistake.
 
     Looked at are the corners of the grid, or the base values, with the first question, and every axis by itself from
@@ -50,10 +48,10 @@ def check_points(document: Document, grid: Grid, questions: Sequence[tuple[Quest
                 return
 
 
-def check_train(document: Document, grid: Grid) -> None:
+def check_train(document: Document, grid: Grid[Any]) -> None:
     """Report the first point at which there is no such train."""
-    meshes = len(grid.parameters["meshes"]) + 2 * len(grid.parameters.get("planetary_sets") or [])
-    check_points(document, grid, ((built(build), MOST_TEETH // meshes), (_meshing, MOST_PAIRS // meshes)))
+    meshes = len(grid.system["meshes"]) + 2 * len(grid.system.get("planetary_sets") or [])
+    check_points(document, grid, ((built, MOST_TEETH // meshes), (_meshing, MOST_PAIRS // meshes)))
 
 
 def _spread(axis: Axis, most: int) -> Array:
@@ -61,7 +59,7 @@ def _spread(axis: Axis, most: int) -> Array:
     return np.unique(np.linspace(0, axis.size - 1, min(most, axis.size)).round().astype(int))
 
 
-def _reported(document: Document, grid: Grid, at: dict[str, int], question: Question) -> bool:
+def _reported(document: Document, grid: Grid[Any], at: dict[str, int], question: Question) -> bool:
     """Whether a question finds a mistake at a point, which is then reported."""
     found = question(grid, {name: np.array(k) for name, k in at.items()})
     if found is None:
@@ -73,7 +71,7 @@ def _reported(document: Document, grid: Grid, at: dict[str, int], question: Ques
     return True
 
 
-def _matters(grid: Grid, at: dict[str, int], axis: Axis, found: Found, question: Question) -> bool:
+def _matters(grid: Grid[Any], at: dict[str, int], axis: Axis, found: Found, question: Question) -> bool:
     """Whether the mistake found at a point is another, or none, at the other end of an axis."""
     if axis.name not in at or axis.size == 1:
         return False
@@ -81,9 +79,9 @@ def _matters(grid: Grid, at: dict[str, int], axis: Axis, found: Found, question:
     return question(grid, {name: np.array(k) for name, k in other.items()}) != found
 
 
-def _meshing(grid: Grid, at: dict[str, Any]) -> Found | None:
+def _meshing(grid: Grid[Any], at: dict[str, Any]) -> Found | None:
     """Whether the gears of all meshes fit together."""
-    train = Train(parameters_at(grid, at))
+    train = Train(grid.at(at))
     try:
         for k in range(len(train.pairs)):
             train.push(k)
@@ -95,31 +93,22 @@ def _meshing(grid: Grid, at: dict[str, Any]) -> Found | None:
     return None
 
 
-def built(build: Callable[[dict[str, Any]], GearSystem]) -> Question:
+def built(grid: Grid[Any], at: dict[str, Any]) -> Found | None:
     """Ask whether the system can be built, with mesh stiffnesses that stay positive."""
-
-    def question(grid: Grid, at: dict[str, Any]) -> Found | None:
-        try:
-            system = build(parameters_at(grid, at))
-        except TrainError as error:
-            return error.where, error.message, error.remedy
-        if grid.parameters["allow_negative_stiffness"]:
-            return None
-        for mesh in system.meshes:
-            lowest = float(np.min(mesh.lowest_stiffness))
-            if not lowest > 0:
-                message = f"the softer level {lowest:.6g} of the stiffness of mesh '{mesh.name}' is <= 0"
-                return (
-                    _place(grid.parameters, mesh.name),
-                    message,
-                    "reduce epsilon, or set system.allow_negative_stiffness: true",
-                )
-        return None
-
-    return question
+    try:
+        system = grid.at(at).build()
+    except TrainError as error:
+        return error.where, error.message, error.remedy
+    for mesh in system.meshes if not grid.system.allow_negative_stiffness else ():
+        lowest = float(np.min(mesh.lowest_stiffness))
+        if not lowest > 0:
+            message = f"the softer level {lowest:.6g} of the stiffness of mesh '{mesh.name}' is <= 0"
+            remedy = "reduce epsilon, or set system.allow_negative_stiffness: true"
+            return _place(grid.system, mesh.name), message, remedy
+    return None
 
 
-def _place(p: dict[str, Any], name: str) -> Path:
+def _place(p: Any, name: str) -> Path:
     """The section that describes a mesh of a system."""
     if not isinstance(p["meshes"], list):
         return ("meshes", name.rstrip("0123456789"))

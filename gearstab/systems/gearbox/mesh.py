@@ -140,7 +140,7 @@ class GearboxMesh(NamedToothMesh):
         yield from within(raw, "friction", Friction.conflicts)
 
 
-def from_teeth(p: dict[str, Any]) -> frozenset[str]:
+def from_teeth(p: Any) -> frozenset[str]:
     """Return which of MEAN, VARIATION, CONTACT_RATIO, WAVE the teeth of a mesh with these parameters give."""
     wave = WAVEFORMS[(p.get("waveform") or {}).get("kind", "rectangular")]
     if wave.of_teeth:
@@ -155,7 +155,7 @@ def from_teeth(p: dict[str, Any]) -> frozenset[str]:
     return frozenset(found)
 
 
-def needs_width(p: dict[str, Any]) -> bool:
+def needs_width(p: Any) -> bool:
     """Whether the face widths of the gears of a mesh matter."""
     rubs = (p.get("friction") or {}).get("kind", "constant") != "constant"
     return rubs or (MEAN in from_teeth(p) and p.get("single_pair_stiffness") is None)

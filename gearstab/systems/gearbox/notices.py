@@ -20,7 +20,7 @@ GEOMETRY = frozenset({*OF_GEAR, "teeth", "centre_distance"})
 """Parameters that the notices depend on, by their own names."""
 
 
-def notice_flags(p: dict[str, Any]) -> Array:
+def notice_flags(p: Any) -> Array:
     """Return ``(..., meshes)`` flags for the parameters of a gearbox, whose batch is that of its teeth."""
     found = [
         mesh.each(lambda pair: sum(NOTICE_FLAGS[name] for name in {notice.name for notice in pair.notices}))

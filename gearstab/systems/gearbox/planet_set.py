@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.config.model.introspection import held
 from gearstab.errors import NotPossible
 from gearstab.rotation import Rotation
 from gearstab.system import Array, Cyclic
@@ -36,7 +37,7 @@ TYPES = ("rotational", "translational", "planet")
 class TrainSet:
     """A set by its parameters p, with the rotors that are its gears, by member; where: its path below ``system``."""
 
-    p: dict[str, Any]
+    p: Any
     rotors: Mapping[str, dict[str, Any]]
     material: dict[str, Any]
     where: Where
@@ -71,7 +72,7 @@ class TrainSet:
     def teeth(self) -> SetTeeth:
         sun = self.rotors["sun"]
         shared = {key: sun[key] for key in OF_PLANETS if key in sun}
-        planet = shared | {key: value for key, value in self.planets.items() if value is not None}
+        planet = shared | held(self.planets)
         gears = {"sun": sun, "planet": planet, "ring": self.rotors["ring"]}
         meshes = {name: (self.p.get("meshes") or {}).get(name) or {} for name in ("sun", "ring")}
         return SetTeeth(gears, meshes, self.material, self.p.get("centre_distance"))

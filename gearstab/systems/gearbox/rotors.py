@@ -26,7 +26,7 @@ def turns(rotor: dict[str, Any], held: bool) -> bool:
     return not held or (rotor.get("support") or {}).get("torsional_stiffness") is not None
 
 
-def number(p: dict[str, Any], key: str, default: float = 0.0) -> Array:
+def number(p: Any, key: str, default: float = 0.0) -> Array:
     """A number of the section, which may be an array of batch shape."""
     value = p.get(key)
     return np.asarray(default if value is None else value, dtype=float)

@@ -122,14 +122,12 @@ class Gearbox(System):
         default=1.0, title="damping factor", description="On the damping of meshes, shafts and supports (1)."
     )
 
-    @classmethod
-    def build(cls, p: dict[str, Any]) -> GearSystem:
+    def equations(self) -> GearSystem:
         """See :func:`gearstab.systems.gearbox.build.build`."""
-        return build(p)
+        return build(self)
 
-    @classmethod
-    def train(cls, p: dict[str, Any]) -> Train:
-        return Train(p)
+    def train(self) -> Train:
+        return Train(self)
 
     @classmethod
     def mesh_places(cls, raw: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
@@ -144,8 +142,7 @@ class Gearbox(System):
         """Write out the angles of planets that are to be assembled."""
         complete_angles(document, raw)
 
-    @classmethod
-    def check_feasible(cls, document: Document, grid: Grid) -> None:
+    def check_feasible(self, document: Document, grid: Grid[Any]) -> None:
         """See :func:`gearstab.systems.gearbox.feasibility.check_train`."""
         check_train(document, grid)
 

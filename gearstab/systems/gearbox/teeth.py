@@ -41,7 +41,7 @@ class MeshTeeth:
     """
 
     gears: tuple[dict[str, Any], dict[str, Any]]
-    p: dict[str, Any]
+    p: Any
     material: dict[str, Any]
 
     @cached_property
@@ -111,18 +111,19 @@ class MeshTeeth:
         """A number of every mesh stiffness, as an array of the batch."""
         return np.reshape([value(mesh) for mesh in self.stiffness], self.batch)
 
-    def filled(self) -> dict[str, Any]:
-        """The parameters of the mesh with what the teeth give of mean stiffness, epsilon, contact ratio and wave."""
-        p, wanted = dict(self.p), from_teeth(self.p)
-        rectangular = WAVEFORMS[(p.get("waveform") or {}).get("kind", "rectangular")].has_contact_ratio
+    def filled(self) -> Any:
+        """Return the section of the mesh with what the teeth give: mean stiffness, epsilon, contact ratio and wave."""
+        p: dict[str, Any] = {}
+        wanted = from_teeth(self.p)
+        rectangular = WAVEFORMS[(self.p.get("waveform") or {}).get("kind", "rectangular")].has_contact_ratio
         if MEAN in wanted:
             p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
         if CONTACT_RATIO in wanted and rectangular:
             p["contact_ratio"] = self.each(lambda pair: pair.contact_ratio)
         if VARIATION in wanted:
-            keep = p.get("reduction", "levels")
+            keep = self.p.get("reduction", "levels")
             p["epsilon"] = self.of_stiffness(lambda mesh: (mesh.rectangular(keep) if rectangular else mesh).epsilon)
-        return p | ({"wave": self.wave()} if WAVE in wanted else {})
+        return self.p | p | ({"wave": self.wave()} if WAVE in wanted else {})
 
     def wave(self) -> Tooth | Fourier:
         """The wave of the computed stiffness, or its first harmonics."""
@@ -149,9 +150,11 @@ class MeshTeeth:
             found[of] = np.take_along_axis(every, cycle[of][..., None], axis=-1)[..., 0]
         return found
 
-    def friction(self, law: dict[str, Any], speed: Array, force: Array) -> Rubbing:
+    def friction(self, law: Any, speed: Array, force: Array) -> Rubbing:
         """Its functions of the mesh phase, at the driver's |speed| (rad/s) under the static mesh |force| (N)."""
-        shape = np.broadcast_shapes(self.batch, np.shape(speed), np.shape(force), *map(np.shape, law.values()))
+        shape = np.broadcast_shapes(
+            self.batch, np.shape(speed), np.shape(force), *(np.shape(value) for _, value in law)
+        )
         speeds, forces = (np.broadcast_to(np.abs(value), shape).ravel() for value in (speed, force))
         index = np.broadcast_to(np.arange(len(self.pairs)).reshape(self.batch), shape).ravel()
         laws = list(_laws(law, shape))
@@ -163,7 +166,7 @@ class MeshTeeth:
         return Rubbing(found, shape)
 
 
-def _laws(law: dict[str, Any], shape: tuple[int, ...]) -> Iterator[FrictionLaw]:
+def _laws(law: Any, shape: tuple[int, ...]) -> Iterator[FrictionLaw]:
     """The law of friction for each entry of a batch; oil in cP and roughness in um, as the regressions have them."""
 
     def flat(name: str, unit: float = 1.0) -> Array:

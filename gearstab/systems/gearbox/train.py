@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.config.model.introspection import held
 from gearstab.errors import NotPossible
 from gearstab.system import Array
 from gearstab.systems.assembly import Coordinates, Row
@@ -40,13 +41,12 @@ class TrainMesh:
 class Train:
     """The parameters of a train with what follows from them alone: who drives whom, how fast, which way."""
 
-    p: dict[str, Any]
+    p: Any
 
     @cached_property
     def rotors(self) -> list[dict[str, Any]]:
         """Gears with what they share."""
-        shared = {key: value for key, value in (self.p.get("gears") or {}).items() if value is not None}
-        own = [{key: value for key, value in rotor.items() if value is not None} for rotor in self.p["rotors"]]
+        shared, own = held(self.p.get("gears")), [held(rotor) for rotor in self.p["rotors"]]
         return [shared | rotor if rotors.is_gear(rotor) else rotor for rotor in own]
 
     @cached_property
@@ -77,7 +77,7 @@ class Train:
 
     @property
     def material(self) -> dict[str, Any]:
-        return rotors.STEEL | {key: value for key, value in (self.p.get("material") or {}).items() if value is not None}
+        return rotors.STEEL | held(self.p.get("material"))
 
     def internal(self, pair: int) -> int | None:
         """0 where the driver of a pair is internal, 1 where the driven gear is, None where neither is."""

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.axes import Array, Grid, parameters_at
+from gearstab.config.model.axes import Array, Grid
 from gearstab.config.model.fields import SMALLEST_NUMBER
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
-from gearstab.system import GearSystem
 from gearstab.systems.feasibility import LEVEL_KEYS, Selection, extreme_points, report_matrix
 
 DEFINITE_TOLERANCE = 1e-14
 """A mass matrix, scaled to a diagonal of ones, with a lower eigenvalue has no inverse in double precision."""
 
 
-def check_definite(document: Document, grid: Grid, build: Callable[[dict[str, Any]], GearSystem]) -> None:
+def check_definite(document: Document, grid: Grid[Any]) -> None:
     """The mass matrix is positive definite and the mean system has no negative eigenvalue, at the worst points."""
 
     def concerns(path: Path) -> bool:
         return path[0] in ("mass", "stiffness") or (path[0] == "meshes" and path[2] in LEVEL_KEYS)
 
     selection = extreme_points(grid, concerns)
-    parameters = parameters_at(grid, selection)
-    bare = [{key: value for key, value in item.items() if key != "damping"} for item in parameters["meshes"]]
-    system = build(parameters | {"meshes": bare, "damping": None, "damping_ratio": 0.0})
+    section: Any = grid.at(selection)
+    bare = [mesh.model_copy(update={"damping": None}) for mesh in section.meshes]
+    system = section.model_copy(update={"meshes": bare, "damping": None, "damping_ratio": 0.0}).build()
     lightest = np.min(np.diagonal(system.mass, axis1=-2, axis2=-1))
     if 0 < lightest < SMALLEST_NUMBER:
         message = f"has the entry {lightest:.6g} on its diagonal, smaller than of any gear"
@@ -44,7 +42,7 @@ def check_definite(document: Document, grid: Grid, build: Callable[[dict[str, An
         return
     squares = eigenmodes(system.mass, system.mean_stiffness_matrix())[0]
     negative = squares[..., 0] < -RIGID_TOLERANCE * np.max(np.abs(squares), axis=-1)
-    if np.any(negative) and not grid.parameters["allow_negative_stiffness"]:
+    if np.any(negative) and not grid.system["allow_negative_stiffness"]:
         where = _axis_of(grid, selection, "stiffness") if np.ndim(negative) else ""
         message = f"with the mean mesh stiffness has a negative eigenvalue{where}: omega^2 = {np.min(squares):.6g}"
         remedy = "check the signs of stiffness, or set system.allow_negative_stiffness: true"
@@ -59,6 +57,6 @@ def _singular(mass: Array) -> Array:
     return np.any(diagonal <= 0, axis=-1) | (lowest <= DEFINITE_TOLERANCE)
 
 
-def _axis_of(grid: Grid, selection: Selection, name: str) -> str:
+def _axis_of(grid: Grid[Any], selection: Selection, name: str) -> str:
     names = [a.name for a in grid.axes if a.name in selection and any(i.path[0] == name for i in a.assignments)]
     return f" along the axis {' and '.join(names)}" if names else ""

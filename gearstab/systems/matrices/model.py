@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, StrictStr
@@ -188,20 +187,18 @@ class Matrices(System):
         entry = parts[0] == "damping" and len(parts) == 3 and parts[1].isdecimal()
         return ["damping", "matrix", *parts[1:]] if entry else parts
 
-    @classmethod
-    def check_feasible(cls, document: Document, grid: Grid) -> None:
+    def check_feasible(self, document: Document, grid: Grid[Any]) -> None:
         """Matrices that no system has, too."""
         feasibility.check_mesh_levels(document, grid)
         _check_axes(document, grid)
-        check_rotation(document, grid.parameters)
-        if feasibility.check_symmetric(document, grid.parameters, [("mass",)]):
-            check_definite(document, feasibility.numbers_only(grid), cls.build)
+        check_rotation(document, grid.system)
+        if feasibility.check_symmetric(document, grid.system, [("mass",)]):
+            check_definite(document, feasibility.numbers_only(grid))
 
-    @classmethod
-    def doubts(cls, p: dict[str, Any]) -> Iterator[tuple[Path, str, str]]:
+    def doubts(self) -> Iterator[tuple[Path, str, str]]:
         """Matrices written entry by entry that are not symmetric: bearings are, and so are misprints."""
         for path in (("stiffness",), ("damping", "matrix")):
-            rows = value_at(p, path)
+            rows = value_at(self, path)
             if isinstance(rows, list) and np.any(difference := feasibility.asymmetry(values := matrix(rows))):
                 i, j, entries = feasibility.worst_entry(values, difference)
                 remedy = "make them equal unless bearings or rotation make them differ"
@@ -270,8 +267,16 @@ class Matrices(System):
         if len(set(names)) < len(names):
             yield ("coordinates",), "repeated_name", "two coordinates have the same name", "give each a name of its own"
 
-    @classmethod
-    def build(cls, p: dict[str, Any]) -> GearSystem:
+    def with_files(self, contents: Mapping[str, Array]) -> Self:
+        held: dict[str, Any] = {name: contents[name] for name in REQUIRED if name in contents}
+        if "damping" in contents:
+            held["damping"] = Damping.model_construct(matrix=contents["damping"])
+        if self.rotation:
+            turned = {name: contents[name] for name in OF_ROTATION if name in contents}
+            held["rotation"] = [self.rotation[0].model_copy(update=turned), *self.rotation[1:]]
+        return self.model_copy(update=held)
+
+    def equations(self) -> GearSystem:
         """M q'' + C q' + [K0 + sum_i k_i(t) g_i g_i^T] q = f(t).
 
         Parameters: ``mass``, ``stiffness`` (K0, without meshes) as nested numbers or arrays, damping (antisymmetric
@@ -281,7 +286,7 @@ class Matrices(System):
         (:func:`~gearstab.systems.parts.terms.periodic_terms`); ``coordinate_units`` (one for all, or one for each
         coordinate) and ``deflection_unit``, m or rad.
         """
-        mass, p = matrix(p["mass"]), _split(p)
+        mass, p = matrix(self["mass"]), _split(self)
         meshes = tuple(
             build_mesh(m, vector(m["direction"]), m["frequency_ratio"], np.asarray(m.get("lag", 0.0), float))
             for m in p["meshes"]
@@ -298,34 +303,33 @@ class Matrices(System):
         return with_forcing(with_damping(system, p), p)
 
 
-def _split(p: dict[str, Any]) -> dict[str, Any]:
+def _split(p: Any) -> Any:
     """Return parameters whose stiffness and damping matrices, arrays ``(..., n, n)``, are symmetric, the rest terms."""
     stiffness, circulatory = _parts("circulatory", "stiffness", p["stiffness"])
-    found = p | {"stiffness": stiffness}
+    found: dict[str, Any] = {"stiffness": stiffness}
     rows = (p.get("damping") or {}).get("matrix")
-    gyroscopic: list[dict[str, Any]] = []
+    gyroscopic: list[Term] = []
     if rows is not None:
         damping, gyroscopic = _parts("gyroscopic", "damping", rows)
         found["damping"] = p["damping"] | {"matrix": damping}
-    return found | {"terms": [*(p.get("terms") or ()), *circulatory, *gyroscopic]}
+    return p | found | {"terms": [*(p.get("terms") or ()), *circulatory, *gyroscopic]}
 
 
-def _parts(name: str, part: str, rows: Any) -> tuple[Array, list[dict[str, Any]]]:
+def _parts(name: str, part: str, rows: Any) -> tuple[Array, list[Term]]:
     """Return the symmetric part of a matrix, and terms of the rest, which is the same in a whole batch."""
     full = matrix(rows)
     one = full.reshape(-1, *full.shape[-2:])[0]
     if not np.any(feasibility.asymmetry(one)):
         return full, []
-    terms = antisymmetric_terms(name, part, one)
-    return 0.5 * (full + np.swapaxes(full, -1, -2)), [term | {"frequency_ratio": Fraction(1)} for term in terms]
+    return 0.5 * (full + np.swapaxes(full, -1, -2)), antisymmetric_terms(name, part, one)
 
 
-def _check_axes(document: Document, grid: Grid) -> None:
+def _check_axes(document: Document, grid: Grid[Any]) -> None:
     """Report axes that set an entry of a matrix of a file and its transpose, where the two differ."""
     unlike: dict[Path, Array] = {
         path: feasibility.asymmetry(held)
         for path in (("stiffness",), ("damping", "matrix"))
-        if isinstance(held := value_at(grid.parameters, path), np.ndarray)
+        if isinstance(held := value_at(grid.system, path), np.ndarray)
     }
     for axis in grid.axes:
         for path in (item.path for item in axis.assignments):

@@ -58,7 +58,7 @@ def not_square(raw: dict[str, Any], key: str, size: int | None) -> Iterator[Conf
             yield (key, i), "wrong_count", f"has {len(row)} entries", f"give {size}, one per coordinate"
 
 
-def with_damping(system: GearSystem, p: dict[str, Any]) -> GearSystem:
+def with_damping(system: GearSystem, p: Any) -> GearSystem:
     """The system with the damping its parameters ask for.
 
     ``damping_ratio`` zeta: C = M Phi diag(2 zeta w) Phi^T M; ``damping``: ``{modal: [...]}``, ``{rayleigh: [alpha,

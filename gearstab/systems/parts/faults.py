@@ -19,7 +19,7 @@ from gearstab.config.document.problems import nearest
 from gearstab.config.model.conflicts import Conflict, plain_number
 from gearstab.config.model.fields import Choice, NameText, Quantity, Section, Whole
 from gearstab.system import Array, Mesh
-from gearstab.systems.parts.weak_tooth import OnePair, equal_shares, missing, own_pairs
+from gearstab.systems.parts.weak_tooth import OnePair, equal_shares, missing, over_the_width, own_pairs
 from gearstab.waveforms import Tooth, ToothPair
 
 KINDS_OF_FAULT = ("crack", "pit")
@@ -76,17 +76,26 @@ def together(faults: Sequence[dict[str, Any]]) -> bool:
 
 
 def weak_tooth(
-    mesh: Mesh, name: str, teeth: int, factor: Any, contact_ratio: Array, cycles: Any, one_pair: OnePair | None = None
+    mesh: Mesh,
+    name: str,
+    teeth: int,
+    factor: Any,
+    contact_ratio: Array,
+    cycles: Any,
+    one_pair: OnePair | None = None,
+    overlap: Array | float = 0.0,
 ) -> Mesh:
     """Return the stiffness that a mesh lacks while its weak pair carries, as a mesh that is part of it.
 
     teeth: z of the gear that has the fault. factor: q. cycles: how many cycles after the start of the wave of the mesh
-    the weak pair enters first. one_pair: the stiffness of one pair where it is known, else pairs share it equally.
+    the weak pair enters first. one_pair: the stiffness of one pair of teeth of the transverse section where it is
+    known, else pairs share that of the mesh equally; with it overlap: the overlap ratio of helical teeth.
     """
     wave, own = mesh.waveform, (mesh.mean_stiffness, mesh.amplitude)
     if one_pair is None:
         one_pair = own_pairs(wave, *own) if isinstance(wave, ToothPair) else equal_shares(wave, contact_ratio, *own)
-    lost = Tooth(missing(wave, contact_ratio, teeth, 1 - np.asarray(factor, dtype=float), one_pair))
+    course = missing(wave, contact_ratio, teeth, 1 - np.asarray(factor, dtype=float), one_pair)
+    lost = Tooth(over_the_width(course, np.asarray(overlap) / teeth))
     ratio, lag = mesh.frequency_ratio / Fraction(teeth), (mesh.lag + cycles) / teeth
     epsilon = lost.amplitude / lost.mean_stiffness
     return Mesh(name, mesh.direction, lost.mean_stiffness, epsilon, lost, ratio, lag, part_of=mesh.name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Annotated, Any
 
 import numpy as np
@@ -94,9 +95,8 @@ class Force(Section):
         description="Of cos s x, s = 1, 2, ... (N, or N m of a rotation).",
     )
     frequency_ratio: ExactRatio = Field(
-        default=1,
+        default=Fraction(1),
         title="frequency ratio of the force",
-        validate_default=True,
         description='r, its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2".',
     )
     lag: Turns = Field(
@@ -116,7 +116,7 @@ def no_harmonics(raw: dict[str, Any], unit: str) -> Iterator[Conflict]:
         yield (), "missing", "has no harmonics", f"add sin: [..] or cos: [..], amplitudes of the harmonics ({unit})"
 
 
-def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:
+def with_forcing(system: GearSystem, p: Any) -> GearSystem:
     """The system with what drives it.
 
     ``load``: constant generalised forces, one per coordinate; ``forces``: periodic ones, each a ``direction`` and a
@@ -145,5 +145,5 @@ def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:
     return replace(system, meshes=meshes, forces=forces, load=load)
 
 
-def _constant_damping(p: dict[str, Any]) -> bool:
+def _constant_damping(p: Any) -> bool:
     return given(p, "damping") and not p.get("damping_follows_stiffness")

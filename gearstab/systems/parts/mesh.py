@@ -213,9 +213,8 @@ class MatrixMesh(NamedToothMesh):
         description="false: frequency_ratio is a decimal that stands for an irrational number.",
     )
     frequency_ratio: AnyRatio = Field(
-        default=1,
+        default=Fraction(1),
         title="mesh frequency ratio",
-        validate_default=True,
         description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
     )
     lag: Lag = Field(
@@ -231,7 +230,7 @@ def may_have(name: str, short: ShortName, place: str | int, mesh: dict[str, Any]
 
 
 def build_mesh(
-    p: dict[str, Any], direction: Array, frequency_ratio: Fraction | float = Fraction(1), lag: Any = 0.0
+    p: Any, direction: Array, frequency_ratio: Fraction | float = Fraction(1), lag: Any = 0.0
 ) -> system.Mesh:
     """Return the mesh of the given parameters.
 
@@ -239,7 +238,7 @@ def build_mesh(
     2002 section 4: k_g = k_max - 2 k_a (1 - d)), its variation by ``epsilon`` = k_a/k_g or ``amplitude`` = k_a; what is
     not given is that of a ``waveform`` made from stiffnesses, or of the ``wave`` itself, which teeth give.
     """
-    wave = p["wave"] if "wave" in p else build_waveform(p)
+    wave = build_waveform(p) if p.get("wave") is None else p["wave"]
     epsilon, amplitude, maximum = p.get("epsilon"), p.get("amplitude"), p.get("max_stiffness")
     if epsilon is None and amplitude is None:
         epsilon = _ratio(wave.mean_stiffness, wave.amplitude)
@@ -256,7 +255,7 @@ def build_mesh(
         mean = wave.mean_stiffness
     if amplitude is not None:
         epsilon = np.asarray(amplitude) / mean
-    return system.Mesh(p["name"], direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
+    return system.Mesh(p.get("name", ""), direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
 
 
 def _ratio(mean: Array, amplitude: Array) -> Array:

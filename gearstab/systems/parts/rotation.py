@@ -61,24 +61,22 @@ class RotationSection(Section):
             yield from not_square(raw, name, size)
 
 
-def rotations(p: dict[str, Any]) -> tuple[Rotation, ...]:
-    """Return the rotations of ``p["rotation"]``; matrices of a file belong to the first one."""
-    of_file = {name: p[name] for name in OF_ROTATION if p.get(name) is not None}
-    parts = [part | (of_file if not k else {}) for k, part in enumerate(p.get("rotation") or ())]
+def rotations(p: Any) -> tuple[Rotation, ...]:
+    """Return the rotations of a section."""
     return tuple(
         Rotation(
             part.get("speed_ratio"),
             np.asarray(part.get("speed") or 0.0, dtype=float),
             **{name: matrix(part[name]) for name in OF_ROTATION if part.get(name) is not None},
         )
-        for part in parts
+        for part in p.rotation
     )
 
 
-def check_rotation(document: Document, parameters: dict[str, Any]) -> None:
+def check_rotation(document: Document, system: Any) -> None:
     """Report gyroscopic matrices that are not skew, and centripetal ones that are not symmetric."""
     table = (("gyroscopic", 1.0, "skew", "-"), ("centripetal", -1.0, "symmetric", ""))
-    for place, part in items(parameters.get("rotation")):
+    for place, part in items(system.rotation):
         for name, sign, kind, minus in table:
             if part.get(name) is None:
                 continue

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from fractions import Fraction
+from typing import Annotated, Any, cast
 
 import numpy as np
 from pydantic import Field
@@ -88,6 +89,9 @@ class DampingPart(VaryingNumber):
     )
 
 
+PARTS = {"stiffness": StiffnessPart, "damping": DampingPart}
+
+
 class Term(Section):
     """a(x) u v^T in the stiffness matrix and c(x) u v^T in the damping matrix."""
 
@@ -108,9 +112,8 @@ class Term(Section):
         description="false: frequency_ratio is a decimal that stands for an irrational number.",
     )
     frequency_ratio: AnyRatio = Field(
-        default=1,
+        default=Fraction(1),
         title="frequency ratio of a term",
-        validate_default=True,
         description='Its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
     )
     lag: Turns = Field(
@@ -133,7 +136,7 @@ class Term(Section):
             yield from no_direction(raw, key, size, "let the term act on at least one coordinate")
 
 
-def periodic_terms(p: dict[str, Any]) -> tuple[PeriodicTerm, ...]:
+def periodic_terms(p: Any) -> tuple[PeriodicTerm, ...]:
     """The terms of ``p["terms"]``.
 
     Each has ``left`` u, ``right`` v, ``stiffness`` a(x) and ``damping`` c(x) (``mean``, ``amplitude``, ``waveform``,
@@ -154,7 +157,7 @@ def symmetric(matrix: Array) -> Array:
     return 0.5 * (matrix + matrix.T)
 
 
-def antisymmetric_terms(name: str, part: str, matrix: Array) -> list[dict[str, Any]]:
+def antisymmetric_terms(name: str, part: str, matrix: Array) -> list[Term]:
     """Return the antisymmetric part of a matrix as constant terms s u v^T, from its singular values; none of rounding.
 
     name: of the terms. part: ``stiffness`` or ``damping``. Source: the singular value decomposition of a real matrix.
@@ -164,12 +167,15 @@ def antisymmetric_terms(name: str, part: str, matrix: Array) -> list[dict[str, A
         return []
     left, sizes, right = np.linalg.svd(skew)
     return [
-        {"name": f"{name} {k + 1}", "left": left[:, k], "right": right[k], part: {"mean": sizes[k]}}
+        Term.model_construct(
+            name=f"{name} {k + 1}", left=left[:, k], right=right[k],
+            **cast(Any, {part: PARTS[part].model_construct(mean=sizes[k])}),
+        )
         for k in np.flatnonzero(sizes > SKEW * sizes[0])
-    ]
+    ]  # fmt: skip
 
 
-def _profile(p: dict[str, Any] | None) -> Profile | None:
+def _profile(p: Any) -> Profile | None:
     if p is None:
         return None
     mean, amplitude = p.get("mean"), p.get("amplitude")

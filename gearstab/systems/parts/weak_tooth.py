@@ -8,7 +8,7 @@ import numpy as np
 
 from gearstab.waveforms.base import Array, Waveform
 from gearstab.waveforms.phase import stiff_fraction, wrapped
-from gearstab.waveforms.tooth import ROUNDING, Piecewise
+from gearstab.waveforms.tooth import ROUNDING, Piecewise, averaged, stacked
 from gearstab.waveforms.tooth_pair import ToothPair
 
 DEGREES = (8, 16, 32, 64)
@@ -74,6 +74,21 @@ def missing(wave: Waveform, contact_ratio: Array, teeth: int, loss: Array, one_p
     places = np.concatenate([edges, np.broadcast_to(c[..., None], (*edges.shape[:-1], 1))], axis=-1) / teeth
     places = np.broadcast_to(places, (*lost.shape[:-2], places.shape[-1]))
     return Piecewise(places, np.concatenate([lost, rest], axis=-2))
+
+
+def over_the_width(course: Piecewise, overlap: Array) -> Piecewise:
+    """Return the mean of a course over the overlap ratio of helical teeth ``(...)``, in revolutions; 0 of spur ones."""
+    if not np.any(overlap):
+        return course
+    batch = np.broadcast_shapes(course.batch, np.shape(overlap))
+    edges, tables = np.asarray(course.edges), np.asarray(course.coefficients)
+    each = zip(
+        np.broadcast_to(edges, (*batch, *edges.shape[-1:])).reshape(-1, *edges.shape[-1:]),
+        np.broadcast_to(tables, (*batch, *tables.shape[-2:])).reshape(-1, *tables.shape[-2:]),
+        np.broadcast_to(overlap, batch).ravel(),
+        strict=True,
+    )
+    return stacked([averaged(Piecewise(at, table), float(width)) for at, table, width in each], batch)
 
 
 def _joined(levels: Array, edges: Array) -> tuple[Array, Array]:

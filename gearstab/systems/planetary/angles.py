@@ -18,7 +18,7 @@ FIT = 1e-3
 """Parts of the least turn between two places of a planet by which a typed angle may be off one of them."""
 
 
-def angles_of(p: dict[str, Any]) -> list[Array]:
+def angles_of(p: Any) -> list[Array]:
     """psi_1..psi_N, any of which may have a batch shape: ``angles``, or 2 pi (n - 1)/N."""
     given, planets = p.get("angles"), int(p["planets"])
     if given is None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.model.arrays import vector
+from gearstab.config.model.introspection import held
 from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row
 from gearstab.systems.planetary.angles import angles_of
@@ -20,7 +21,7 @@ CENTRAL = ("ring", "carrier", "sun")
 """The bodies on the axis of the gear."""
 
 
-def build(p: dict[str, Any]) -> GearSystem:
+def build(p: Any) -> GearSystem:
     """Sun, carrier, ring and N equal planets at the angles psi_n, with 2 N tooth meshes.
 
     Coordinates, all lengths (m): translations x, y and rotation u = r theta (r the base radius, of the carrier the
@@ -93,7 +94,7 @@ def _mesh_row(gear: _Gear, name: str, n: int, angle: Array) -> Row:
     return row
 
 
-def _harmonics(ring: dict[str, Any]) -> int:
+def _harmonics(ring: Any) -> int:
     """J, the largest number of waves around the ring; 1, its rigid motion alone, of a rigid ring."""
     return int(ring["harmonics"]) if ring["kind"] == "elastic" else 1
 
@@ -158,7 +159,7 @@ class _Gear(SetRows):
         return waves + [(f"{body}_x", f"{body}_y", 1) for body in CENTRAL if self.planar]
 
 
-def _bodies(gear: _Gear, p: dict[str, Any], ring_angle: Array) -> Iterator[Element]:
+def _bodies(gear: _Gear, p: Any, ring_angle: Array) -> Iterator[Element]:
     """Yield the masses; int cos^2 + m^2 sin^2 over 2 pi of the ring's is (1 + m^2)/2."""
     masses, inertias = p["masses"], p["inertias"]
     ring = np.asarray(masses["ring"], dtype=float)
@@ -173,19 +174,19 @@ def _bodies(gear: _Gear, p: dict[str, Any], ring_angle: Array) -> Iterator[Eleme
             yield Element({f"ring_{kind}{m}": 1.0}, mass=ring * (1 + m**2) / 2)
 
 
-def _supports(gear: _Gear, p: dict[str, Any], ring_angle: Array) -> Iterator[Element]:
+def _supports(gear: _Gear, p: Any, ring_angle: Array) -> Iterator[Element]:
     """Yield supports, the ring's bending and foundation, and the planet bearings between carrier and planets."""
-    given = {key: np.asarray(value, dtype=float) for key, value in p["supports"].items() if value is not None}
+    given: dict[str, Array] = {key: np.asarray(value, dtype=float) for key, value in held(p["supports"]).items()}
     zero = np.zeros(())
     radial, tangential = (given.get(f"ring_{way}", zero) for way in ("radial", "tangential"))
-    held = given | {
+    springs = given | {
         "ring": np.pi * (radial + tangential) + given.get("ring", zero),
         "ring_rotation": 2 * np.pi * tangential / np.cos(ring_angle) ** 2 + given.get("ring_rotation", zero),
     }
     for body in CENTRAL:
         for along in ((1.0, 0.0), (0.0, 1.0)):
-            yield Element(gear.shift(body, *along), stiffness=held.get(body, zero))
-        yield Element({f"{body}_rotation": 1.0}, stiffness=held.get(f"{body}_rotation", zero))
+            yield Element(gear.shift(body, *along), stiffness=springs.get(body, zero))
+        yield Element({f"{body}_rotation": 1.0}, stiffness=springs.get(f"{body}_rotation", zero))
     for m in gear.waves:
         bending = np.asarray(p["ring"]["bending_stiffness"], dtype=float) * (m * (m**2 - 1)) ** 2
         for kind in "cs":

@@ -65,7 +65,7 @@ class CarrierSpeed(Section):
             yield ("carrier_speed",), "inconsistent", "no bearing keeps the planets from flying off", hint
 
 
-def rotations(p: dict[str, Any], mass: Array, frame: Array, carrier: int) -> tuple[Rotation, ...]:
+def rotations(p: Any, mass: Array, frame: Array, carrier: int) -> tuple[Rotation, ...]:
     """Return the rotation of the frame of a section ``system``; none where the carrier does not turn.
 
     A point that the frame carries along moves by q' + W J q, so that the kinetic energy gives

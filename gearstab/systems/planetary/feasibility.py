@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.axes import Grid, parameters_at
+from gearstab.config.model.axes import Grid
 from gearstab.config.model.conflicts import Conflict, plain_number
 from gearstab.systems.planetary.angles import ASSEMBLE, misfit
 
@@ -23,14 +23,14 @@ MOST_ASSEMBLIES = 100_000
 """Points of a grid of teeth that are looked at."""
 
 
-def check_assembly(document: Document, grid: Grid) -> None:
+def check_assembly(document: Document, grid: Grid[Any]) -> None:
     """Report the first point of the grid, over axes of OF_ASSEMBLY, at which the gear cannot be assembled."""
     axes = [axis for axis in grid.axes if any(item.path[0] in OF_ASSEMBLY for item in axis.assignments)]
-    if grid.parameters.get("teeth") is None:
+    if grid.system.get("teeth") is None:
         return
     for places in islice(product(*(range(axis.size) for axis in axes)), MOST_ASSEMBLIES):
         at = {axis.name: np.array(k) for axis, k in zip(axes, places, strict=True)}
-        p = parameters_at(grid, at)
+        p = grid.at(at)
         sun, planet, ring = (int(p["teeth"][name]) for name in ("sun", "planet", "ring"))
         wrong = next(assembly(sun, planet, ring, int(p["planets"]), p.get("angles")), None)
         if wrong is not None and not axes:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.document.tree import mapping
 from gearstab.system import Array
 from gearstab.systems.kinematics import MeshMotion, Relation, solve
 from gearstab.systems.planetary.angles import angles_of
@@ -40,7 +39,7 @@ class Turning:
     carrier: Fraction
 
     @classmethod
-    def of(cls, p: dict[str, Any], z_s: float, z_r: float) -> Turning | None:
+    def of(cls, p: Any, z_s: float, z_r: float) -> Turning | None:
         """Return the motion of a section ``system``; None where its ``input`` and ``fixed`` are not two bodies."""
         shares = {"sun": Fraction(z_s), "ring": Fraction(z_r), "carrier": -Fraction(z_s) - Fraction(z_r)}
         driving, held = p.get("input") or "sun", p.get("fixed") or "ring"
@@ -53,13 +52,13 @@ class Turning:
         ahead = through.relative(speeds)
         sense, cycles = -1 if p.get("sense") == SENSES[1] else 1, through.frequency(speeds)
         relative = sense * (1 if ahead > 0 else -1)
-        given = mapping(p.get("phases")).get("drives")
+        given = (p.get("phases") or {}).get("drives")
         sun_drives = given == "sun" if given in DRIVES else (ahead > 0) == (shares[driving] > 0)
         torque = relative if sun_drives else -relative
         return cls(cycles, -relative, sun_drives, torque, sense * speeds["carrier"] / cycles)
 
 
-def lags(p: dict[str, Any], planets: int) -> dict[str, list[Array]]:
+def lags(p: Any, planets: int) -> dict[str, list[Array]]:
     """Lag of every mesh as a fraction of the mesh period: gamma_sn of the suns', gamma_rn = gamma_sn + gamma_sr.
 
     Parameters: ``phases`` (``sun`` gamma_s1..gamma_sN, all 0 unless given, ``sun_ring`` gamma_sr, 0) or ``teeth`` (see
@@ -80,7 +79,7 @@ def lags(p: dict[str, Any], planets: int) -> dict[str, list[Array]]:
     return {"sun": first, "ring": [value + between for value in first]}
 
 
-def phases_of(teeth: dict[str, int], planets: int, planets_turn: int = -1) -> tuple[list[Fraction], Fraction]:
+def phases_of(teeth: Any, planets: int, planets_turn: int = -1) -> tuple[list[Fraction], Fraction]:
     """gamma_s1..gamma_sN and gamma_sr from the tooth numbers.
 
         gamma_sn = -sigma (n - 1) z_s/N (mod 1),   gamma_sr = 0 for odd z_p, 1/2 for even z_p

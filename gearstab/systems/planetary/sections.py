@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import mapping
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, within, wrong_length
 from gearstab.config.model.fields import Choice, Count, Flag, Quantity, also
+from gearstab.config.model.introspection import held
 from gearstab.system import GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System, first_number
@@ -159,16 +159,15 @@ class Planetary(System):
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
         """Cycles of the meshes, which all have one frequency, in a turn of the input: see :class:`.phasing.Turning`."""
-        z_s, z_r = (first_number([mapping(raw.get("teeth")).get(key)]) for key in ("sun", "ring"))
+        z_s, z_r = (first_number([(raw.get("teeth") or {}).get(key)]) for key in ("sun", "ring"))
         if z_s is None or z_r is None:
             return None
         moving = Turning.of(raw, z_s, z_r)
         return 1.0 if moving is None else float(moving.cycles)  # what is wrong with input or fixed is reported
 
-    @classmethod
-    def summary(cls, p: dict[str, Any]) -> dict[str, str]:
+    def summary(self) -> dict[str, str]:
         """Say where the planets are, how many teeth the gears have, and what only the speeds know to be fixed."""
-        p = with_teeth(p)
+        p = with_teeth(self)
         psi = [np.degrees(float(angle)) for angle in angles_of(p)]
         equal = "" if p.get("angles") is not None else ", equally spaced"
         said = {"planets": f"{len(psi)} at {', '.join(f'{angle:.6g}' for angle in psi)} deg{equal}"}
@@ -177,15 +176,15 @@ class Planetary(System):
             held = p.get("fixed", "ring")
             turning = "ring_tangential" if held == "ring" and p["ring"]["kind"] == "elastic" else f"{held}_rotation"
             keys = {turning, "ring_tangential"} if held == "ring" else {turning}
-            if not any(np.any(p.get("supports", {}).get(key)) for key in keys):
+            if not any(np.any(p["supports"].get(key)) for key in keys):
                 said["fixed"] = (
                     f"{held}, by the speeds alone: no stiffness keeps it from turning; give supports.{turning}"
                 )
         return said
 
-    @classmethod
-    def doubts(cls, p: dict[str, Any]) -> Iterator[tuple[Path, str, str]]:
+    def doubts(self) -> Iterator[tuple[Path, str, str]]:
         """Yield the ring's lag of profile-shifted teeth of which nothing but their numbers is known."""
+        p: Any = self
         given = p.get("gears") is not None or (p.get("phases") or {}).get("sun_ring") is not None
         if p.get("teeth") and not given and (extra := _shifted(p["teeth"])):
             lag = float(lags(p, 1)["ring"][0])
@@ -198,33 +197,30 @@ class Planetary(System):
         """With gears, the teeth give what a mesh does not."""
         return lambda mesh: PlanetaryMesh.conflicts_of(mesh, raw.get("gears") is not None)
 
-    @classmethod
-    def build(cls, p: dict[str, Any]) -> GearSystem:
+    def equations(self) -> GearSystem:
         """See :func:`gearstab.systems.planetary.build.build`."""
-        return build(with_teeth(p))
+        return build(with_teeth(self))
 
-    @classmethod
-    def check_feasible(cls, document: Document, grid: Grid) -> None:
+    def check_feasible(self, document: Document, grid: Grid[Any]) -> None:
         """Planets that can be assembled at every point of a grid over their number or their teeth, besides."""
         check_assembly(document, grid)
-        if grid.parameters.get("gears") is None:
+        if grid.system.get("gears") is None:
             super().check_feasible(document, grid)
         else:
-            feasibility.check_symmetric(document, grid.parameters)
-            check_points(document, grid, ((built(cls.build), MOST_TEETH // 2),))
+            feasibility.check_symmetric(document, grid.system)
+            check_points(document, grid, ((built, MOST_TEETH // 2),))
 
-    @classmethod
-    def dependent(cls, p: dict[str, Any], varied: set[Path]) -> dict[str, Any]:
+    def dependent(self, varied: set[Path]) -> Self:
         """The teeth of the ring follow from the others if these vary: z_r = z_s + 2 z_p."""
         if ("teeth", "ring") in varied or not varied & {("teeth", "sun"), ("teeth", "planet")}:
-            return p
-        teeth = p["teeth"]
-        return p | {"teeth": teeth | {"ring": teeth["sun"] + 2 * teeth["planet"]}}
+            return self
+        teeth: Any = self.teeth
+        ring = teeth.sun + 2 * teeth.planet
+        return self.model_copy(update={"teeth": teeth.model_copy(update={"ring": ring})})
 
-    @classmethod
-    def assembled(cls, p: dict[str, Any]) -> bool:
+    def assembled(self) -> bool:
         """Whether planets with known teeth fit between sun and ring, and keep clear of each other."""
-        teeth = p.get("teeth")
+        p, teeth = self, self.teeth
         if not teeth:
             return True
         sun, planet, ring, planets = (int(v) for v in (teeth["sun"], teeth["planet"], teeth["ring"], p["planets"]))
@@ -288,12 +284,12 @@ class Planetary(System):
             )
 
 
-def _shifted(teeth: dict[str, Any]) -> int:
+def _shifted(teeth: Any) -> int:
     """Teeth of the ring beyond z_s + 2 z_p."""
     return int(teeth["ring"] - teeth["sun"] - 2 * teeth["planet"])
 
 
-def _teeth(teeth: dict[str, Any]) -> str:
+def _teeth(teeth: Any) -> str:
     """Numbers of teeth, and the geometry that gears were computed with."""
     extra = _shifted(teeth)
     said = f"sun {teeth['sun']}, planet {teeth['planet']}, ring {teeth['ring']} = z_s + 2 z_p" + (
@@ -301,12 +297,12 @@ def _teeth(teeth: dict[str, Any]) -> str:
     )
     if teeth.get("centre_distance") is not None:
         said += f"; centre distance {teeth['centre_distance']:.6g} m"
-    if shifts := teeth.get("profile_shift"):
+    if shifts := held(teeth.get("profile_shift")):
         said += ", profile shifts " + ", ".join(f"{body} {value:.4g}" for body, value in shifts.items())
     return said
 
 
-def _phasing(p: dict[str, Any]) -> str:
+def _phasing(p: Any) -> str:
     """How planets turn, and by which rule the ring's meshes lag the sun's."""
     phases, moving = p.get("phases") or {}, Turning.of(p, int(p["teeth"]["sun"]), int(p["teeth"]["ring"]))
     rule = phases.get("rule") or ("as given" if phases.get("sun_ring") is not None else "pitch_point")

@@ -6,12 +6,14 @@ distance and profile shifts, what is not given is chosen such that the meshes ha
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from gearstab.config.model.introspection import held
 from gearstab.errors import NotPossible
 from gearstab.gears.planet_set import PlanetSet, closing_shifts, halfway
 from gearstab.system import Array
@@ -35,7 +37,7 @@ class SetTeeth:
     """
 
     gears: dict[str, dict[str, Any]]
-    meshes: dict[str, dict[str, Any]]
+    meshes: Mapping[str, Any]
     material: dict[str, Any]
     centre_distance: Any = None
 
@@ -101,7 +103,7 @@ class SetTeeth:
         gears = self.cut[first], self.cut[second]
         return MeshTeeth(gears, self.meshes[name] | {"centre_distance": self.centre}, self.material)
 
-    def filled(self, name: str) -> dict[str, Any]:
+    def filled(self, name: str) -> Any:
         """Return the parameters of the ``sun`` or the ``ring`` meshes, with what the teeth give. Raises TrainError."""
         try:
             return {"sun": self.sun, "ring": self.ring}[name].filled()
@@ -137,18 +139,18 @@ class SetTeeth:
         return np.reshape(found, batch)
 
 
-def with_teeth(p: dict[str, Any]) -> dict[str, Any]:
+def with_teeth(p: Any) -> Any:
     """Return the parameters of a planetary gear with what its teeth give, in place of ``gears``. Raises TrainError."""
     if p.get("gears") is None:
         return p
-    counts, tips, shifts = p["teeth"], *(p["teeth"].get(key) or {} for key in ("tip_radius", "profile_shift"))
+    counts, tips, shifts = p["teeth"], *(held(p["teeth"].get(key)) for key in ("tip_radius", "profile_shift"))
     gears = {
-        body: p["gears"] | {"teeth": counts[body], "internal": body == "ring",
+        body: held(p["gears"]) | {"teeth": counts[body], "internal": body == "ring",
                             "tip_radius": tips.get(body), "profile_shift": shifts.get(body)}
         for body in BODIES
     }  # fmt: skip
-    found = SetTeeth(gears, p["meshes"], STEEL, counts.get("centre_distance"))
-    moving, phases = Turning.of(p, counts["sun"], counts["ring"]), dict(p.get("phases") or {})
+    found = SetTeeth(gears, dict(p["meshes"]), STEEL, counts.get("centre_distance"))
+    moving, phases = Turning.of(p, counts["sun"], counts["ring"]), held(p.get("phases"))
     try:
         bodies = {name: found.body(name) for name in BODIES}
         angles = {
@@ -166,9 +168,9 @@ def with_teeth(p: dict[str, Any]) -> dict[str, Any]:
     shifts = {body: gear["profile_shift"] for body, gear in found.cut.items()}
     return p | {
         "gears": None,
-        "masses": {name: mass for name, (mass, _) in bodies.items()} | p["masses"],
-        "inertias": inertias | p["inertias"],
-        "pressure_angles": {name: flank * angle for name, angle in angles.items()} | p["pressure_angles"],
+        "masses": {name: mass for name, (mass, _) in bodies.items()} | held(p["masses"]),
+        "inertias": inertias | held(p["inertias"]),
+        "pressure_angles": {name: flank * angle for name, angle in angles.items()} | held(p["pressure_angles"]),
         "meshes": {name: found.filled(name) for name in ("sun", "ring")},
         "teeth": counts | {"centre_distance": found.centre, "profile_shift": shifts},
         "phases": phases,

@@ -23,7 +23,6 @@ from gearstab.config import Config, ConfigError, load
 from gearstab.config.checks.options import check
 from gearstab.config.document.codes import CODES
 from gearstab.config.document.yaml import write
-from gearstab.config.model.axes import parameters_at
 from gearstab.sweep.plan import plan
 from gearstab.systems import build
 
@@ -141,7 +140,7 @@ def read(scene: Path, text: str) -> Config | None:
     try:
         config = load(scene)
         if config.methods.chosen:
-            check(config, build(config.parameters))
+            check(config, build(config.system))
     except ConfigError as error:
         problems = error.problems
     else:
@@ -186,9 +185,9 @@ def test_many_changed_texts_are_valid_or_named(scene: Path, text: str) -> None:
 
 def can_be_built(scene: Path, config: Config, at_points: list[float]) -> None:
     """A valid configuration has systems at all points, a plan, and a resolved form that is valid too."""
-    build(config.parameters)
+    build(config.system)
     for fraction in at_points:
-        build(parameters_at(config, {axis.name: np.array(int(fraction * axis.size)) for axis in config.axes}))
+        build(config.at({axis.name: np.array(int(fraction * axis.size)) for axis in config.axes}))
     if config.axes and config.methods.chosen:
         plan(config)
     again = read(scene, config.resolved)

@@ -95,7 +95,7 @@ def test_one_mesh_at_a_time(tmp_path: Path) -> None:
     still = swept(path, "meshes.second.epsilon=0", "sweep={mesh_frequency: [2.0, 5.5]}")[1]["floquet"]
     assert still.attrs["frequencies_chosen"] == "per_mesh (a single mesh frequency varies)"
     overrides = ("meshes.second.epsilon=0", "meshes.second.exact=true", "meshes.second.frequency_ratio=1")
-    alone = build(load(path, overrides).parameters)
+    alone = build(load(path, overrides).system)
     np.testing.assert_allclose(still["growth_rate"], solve(alone, np.array([2.0, 5.5])).growth_rate[0], atol=1e-12)
 
 
@@ -158,7 +158,7 @@ def test_required_damping_of_a_sweep(tmp_path: Path) -> None:
         value = float(found["required_damping"][i, 1])
         for ratio, stable in ((0.99 * value, 0), (value, 1)):
             overrides = ("epsilon=0.3", f"damping_ratio={ratio!r}")
-            verdict = solve(build(load(path, overrides).parameters), np.array([omega])).stable[0, 0]
+            verdict = solve(build(load(path, overrides).system), np.array([omega])).stable[0, 0]
             assert verdict == stable or value == 0
     assert np.any(found["required_damping"] > 0.01)
 
@@ -201,7 +201,7 @@ def script(root: Path, name: str):  # type: ignore[no-untyped-def]
 def test_the_gearbox_is_the_one_of_the_numbers(root: Path) -> None:
     written_by = script(root, "train13")
     assert written_by.TARGET.read_text() == written_by.text()
-    system = build(load(written_by.TARGET).parameters)
+    system = build(load(written_by.TARGET).system)
     # Natural frequencies computed elsewhere from the same numbers.
     wanted = np.array(written_by.numbers()["check"]["natural_frequency_hz"])
     found = mean_modes(system).natural_frequency / (2 * np.pi)
@@ -212,7 +212,7 @@ def test_the_gearbox_is_the_one_of_the_numbers(root: Path) -> None:
 def test_the_whole_gearbox_against_other_programs(root: Path) -> None:
     # 33 coordinates and 5 % of the damping at 86.1, 86.2, 86.3, 86.4 turns of the input a second (14 teeth): growth
     # rates computed elsewhere by propagation over the common period, and by Floquet and Hill's method for mesh I alone.
-    system = build(load(root / "configs" / "kuria_kihiu_2008" / "gearbox.yaml").parameters)
+    system = build(load(root / "configs" / "kuria_kihiu_2008" / "gearbox.yaml").system)
     assert system.damping is not None
     system = replace(system, damping=0.05 * system.damping, terms=())
     omega = 2 * np.pi * 14 * np.array([86.1, 86.2, 86.3, 86.4])

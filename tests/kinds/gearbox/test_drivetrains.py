@@ -13,7 +13,6 @@ from scenes import CONFIGS, problems, read
 from test_planetary_sets import TWO
 
 from gearstab.config import load
-from gearstab.config.model.axes import parameters_at
 from gearstab.floquet import solve
 from gearstab.info import train as info_train
 from gearstab.info.configuration import describe
@@ -31,13 +30,13 @@ NREL, GRC = CONFIGS / "drivetrains/nrel_5mw.yaml", CONFIGS / "drivetrains/grc_75
     ids=["nrel", "grc"],
 )  # fmt: skip
 def test_ratio_and_mesh_frequencies_are_those_of_the_reference(path: Path, ratio: Fraction, orders: list[Any]) -> None:
-    train = Train(load(path).parameters)
+    train = Train(load(path).system)
     assert abs(train.speeds["generator"]) == ratio
     assert list(dict.fromkeys(mesh.motion.frequency(train.speeds) for mesh in train.meshes)) == orders
 
 
 def test_the_two_masses_of_the_5_mw_drivetrain_vibrate_at_2_2755_hz() -> None:
-    system = build(load(NREL).parameters)
+    system = build(load(NREL).system)
     frequencies = mean_modes(system).natural_frequency / (2 * np.pi)
     assert frequencies[1] == pytest.approx(2.2755, abs=1e-4)  # the main shaft is as stiff as that, to four digits
     # Turbine against generator on that shaft, and the generator's inertia by the square of the ratio 96.35.
@@ -46,7 +45,7 @@ def test_the_two_masses_of_the_5_mw_drivetrain_vibrate_at_2_2755_hz() -> None:
 
 def test_without_variation_nothing_grows() -> None:
     """Mean stiffness alone; undamped, so that any asymmetry of the matrices would show."""
-    system = build(load(NREL, ["sweep.damping_factor=[0]"]).parameters)
+    system = build(load(NREL, ["sweep.damping_factor=[0]"]).system)
     calm = replace(system, damping=None, meshes=tuple(replace(m, epsilon=np.zeros(())) for m in system.meshes[:12]))
     omega = np.linspace(50.0, 2000.0, 12)
     assert np.abs(solve(calm, omega).growth_rate).max() < 1e-8 * mean_modes(calm).natural_frequency[-1]
@@ -73,7 +72,7 @@ def test_info_shows_the_train_with_speeds_torques_and_mesh_frequencies(tmp_path:
 def test_a_short_name_means_the_meshes_of_sets_and_pairs(tmp_path: Path) -> None:
     text = TWO + "sweep: {mesh_frequency: [1000, 2000], epsilon: [0.0, 0.15]}\nmethods: {floquet: {}}\n"
     config = read(tmp_path, text)
-    system = build(parameters_at(config, {"epsilon": np.array([0, 1])}))
+    system = build(config.at({"epsilon": np.array([0, 1])}))
     for mesh in system.meshes:
         np.testing.assert_array_equal(mesh.epsilon, [0.0, 0.15])
 
@@ -82,10 +81,8 @@ def test_an_axis_of_teeth_moves_the_set_and_is_refused_where_it_cannot_be_assemb
     case = "{label: %s, rotors.sun.teeth: %d, rotors.ring.teeth: %d}"
     sweep = "sweep:\n  mesh_frequency: [1000, 2000]\n  t: [%s, %s]\nmethods: {floquet: {}}\n"
     fits = read(tmp_path, TWO + sweep % (case % ("a", 30, 78), case % ("b", 32, 80)))
-    systems = [build(parameters_at(fits, {"t": np.array(k)})) for k in (0, 1)]
-    alone = build(
-        read(tmp_path, TWO.replace("teeth: 30, mass", "teeth: 32, mass", 1).replace("78", "80", 1)).parameters
-    )
+    systems = [build(fits.at({"t": np.array(k)})) for k in (0, 1)]
+    alone = build(read(tmp_path, TWO.replace("teeth: 30, mass", "teeth: 32, mass", 1).replace("78", "80", 1)).system)
     np.testing.assert_array_equal(systems[1].mass, alone.mass)
     assert [mesh.frequency_ratio for mesh in systems[1].meshes] == [mesh.frequency_ratio for mesh in alone.meshes]
     found = problems(tmp_path, TWO + sweep % (case % ("a", 30, 78), case % ("b", 31, 79)))

@@ -25,7 +25,7 @@ def system() -> GearSystem:
 
 @pytest.fixture(scope="module")
 def from_teeth(root: Path) -> GearSystem:
-    return build(load(root / CONFIG).parameters)
+    return build(load(root / CONFIG).system)
 
 
 def rigid_motion() -> np.ndarray:

@@ -10,7 +10,6 @@ import pytest
 from gearbox_trains import RPM
 
 from gearstab.config import ConfigError, Problem, load
-from gearstab.config.model.axes import parameters_at
 from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
@@ -205,7 +204,7 @@ def test_the_input_speed_sets_that_of_lubricated_friction_too(tmp_path: Path) ->
     config = loaded(tmp_path, GOOD.replace(MESH, law))
     (axis,) = config.axes
     assert [item.path for item in axis.assignments] == [("mesh_frequency",), ("input", "speed")]
-    chosen = parameters_at(config, {"input_speed": np.array([0, 6])})
+    chosen = config.at({"input_speed": np.array([0, 6])})
     np.testing.assert_allclose(chosen["input"]["speed"], [600 * RPM, 3000 * RPM])
     share = build(chosen).terms[0].stiffness
     assert share is not None
@@ -265,7 +264,7 @@ NUMBERS = {
 def test_every_number_of_the_train_is_an_axis(tmp_path: Path, key: str) -> None:
     base = NUMBERS[key]
     config = loaded(tmp_path, GOOD.replace("methods:", f"  {key}: {base}\nmethods:"))
-    one, other = (build(parameters_at(config, {key: np.array([k])})) for k in (0, 1))
+    one, other = (build(config.at({key: np.array([k])})) for k in (0, 1))
     parts = [(s.mass, s.stiffness, s.damping, s.load, s.mean_stiffness_matrix()) for s in (one, other)]
     assert any(not np.array_equal(np.squeeze(a), np.squeeze(b)) for a, b in zip(*parts, strict=True))
 

@@ -117,13 +117,20 @@ def test_load_factors_over_speed_are_those_of_the_reference(rpm: str) -> None:
     np.testing.assert_allclose(found.load_factor_fewest_pairs[0, 0, :4], low, rtol=0.03)
 
 
-def test_teeth_of_unknown_stiffness_share_the_load_equally_and_teeth_that_would_part_have_no_load() -> None:
+def test_internal_teeth_share_the_load_and_helical_ones_or_teeth_that_would_part_have_none() -> None:
     ring = Pair(Gear(18, 0.002), Gear(60, 0.002, internal=True))
     phase, force = (np.arange(400) + 0.5) / 400, np.full(400, 100.0)
     found = tooth_loads(LoadedTeeth(ring, StiffnessModel(), ("pinion", "ring")), phase, force, 100.0, 20)
-    # Where two pairs are in contact each has a half, elsewhere one has all; three are never in contact here.
+    # Where two pairs are in contact each has about a half, elsewhere one has all; three are never in contact here.
     assert 1 < ring.contact_ratio < 2
-    assert set(np.round(found.load, 12)) <= {50.0, 100.0}
+    alone = np.round(found.load, 12) == 100.0
+    assert 0 < alone.sum() < 20
+    assert np.all((found.load[~alone] > 35.0) & (found.load[~alone] < 65.0))
+    # Both pairs of one phase are a base pitch apart and carry the whole.
+    equal = tooth_loads(LoadedTeeth(ring, StiffnessModel(single_pair_stiffness=1e8), ("a", "b")), phase, force, 100, 20)
+    assert set(np.round(equal.load, 12)) <= {50.0, 100.0}
+    helical = Pair(Gear(18, 0.002, helix_angle=0.3), Gear(60, 0.002, helix_angle=-0.3))
+    assert np.isnan(tooth_loads(LoadedTeeth(helical, StiffnessModel(), ("a", "b")), phase, force, 100.0, 20).load).all()
     assert np.isfinite(found.stress[:, 0]).all()
     apart = Pair(Gear(5, 0.002, addendum=0.5, profile_shift=0.6), Gear(40, 0.002, addendum=0.5))
     assert apart.contact_ratio < 1

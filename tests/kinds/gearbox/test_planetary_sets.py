@@ -67,7 +67,7 @@ def configured(train: dict[str, Any], rule: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("train", TRAINS, ids=lambda train: train["name"])
 def test_speeds_frequencies_and_lags_are_those_of_the_reference(tmp_path: Path, train: dict[str, Any]) -> None:
-    p = read(tmp_path, as_text(configured(train, "pitch_point"))).parameters
+    p = read(tmp_path, as_text(configured(train, "pitch_point"))).system
     found = Train(p)
     speeds = {body.replace(".", " "): str(speed) for body, speed in found.speeds.items()}
     assert speeds == train["speeds_over_input"]
@@ -147,7 +147,7 @@ def test_a_train_of_one_set_is_the_planetary_gear(tmp_path: Path, driving: str, 
         config = read(
             tmp_path, as_text(section, sweep={"input_speed": ["600 rpm", "900 rpm"]}, methods={"floquet": {}})
         )
-        systems.append((build(config.parameters), config.axes[0].mesh_frequency))
+        systems.append((build(config.system), config.axes[0].mesh_frequency))
     (one, speeds), (other, same_speeds) = systems
     assert speeds is not None
     assert same_speeds is not None
@@ -206,7 +206,7 @@ system:
 
 
 def test_the_load_goes_through_all_meshes_by_virtual_work(tmp_path: Path) -> None:
-    system = build(read(tmp_path, TWO).parameters)
+    system = build(read(tmp_path, TWO).system)
     force = dict(zip((mesh.name for mesh in system.meshes), static_mesh_force(system), strict=True))
     lever = 0.001 * np.cos(np.deg2rad(20))
     ratio = 1 + 78 / 30
@@ -223,7 +223,7 @@ def test_modes_are_named_by_the_set_that_they_belong_to(tmp_path: Path) -> None:
     """Supported sun and carrier: three pairs of translational modes, and planet modes of four planets; the second set
     moves its sun alone, with planets fixed on a carrier that only turns.
     """
-    system = build(read(tmp_path, TWO).parameters)
+    system = build(read(tmp_path, TWO).system)
     kinds = type_names(system, natural_modes(system))
     counted = {kind: kinds.count(kind) for kind in set(kinds) if "," in kind}
     assert [symmetry.name for symmetry in system.symmetries] == ["first", "second"]
@@ -234,10 +234,10 @@ def test_modes_are_named_by_the_set_that_they_belong_to(tmp_path: Path) -> None:
 def test_blocks_of_two_sets_are_those_found_without_their_symmetries(tmp_path: Path) -> None:
     from dataclasses import replace
 
-    from gearstab.floquet.report import reduction
+    from gearstab.floquet.dispatch import reduction
 
     config = read(tmp_path, TWO.replace("input: {", "damping_ratio: 0.01\n  input: {"))
-    system = build(config.parameters)
+    system = build(config.system)
     declared, found = reduction(system), reduction(replace(system, symmetries=()))
     assert sorted(part.size for part in declared.parts) == sorted(part.size for part in found.parts)
     assert len(declared.parts) > 2
@@ -289,7 +289,7 @@ def test_a_supported_member_is_in_one_frame(tmp_path: Path) -> None:
 
 def test_angles_of_planets_follow_the_teeth(tmp_path: Path) -> None:
     """Five planets of 108 places: the nearest to equal ones, and lags by the places."""
-    p = read(tmp_path, TWO.replace("count: 4", "count: 5, angles: assemble", 1)).parameters
+    p = read(tmp_path, TWO.replace("count: 4", "count: 5, angles: assemble", 1)).system
     train = Train(p)
     steps = [turn * 108 for turn in train.sets[0].turns]
     assert steps == [0, 22, 43, 65, 86]
@@ -342,13 +342,13 @@ def whirl(system: Any, speed: float) -> tuple[np.ndarray, float]:
     return np.sort(values.imag[values.imag > 10.0]), float(values.real.max())
 
 
-SPINNING = json.loads((DATA / "carrier_speed.json").read_text())["cases"]
+SPINNING = json.loads((DATA / "rotation" / "planetary_carriers.json").read_text())["cases"]
 
 
 @pytest.mark.parametrize("case", SPINNING, ids=lambda case: case["name"])
 def test_whirl_in_the_frame_of_the_carrier_is_that_of_the_reference(tmp_path: Path, case: dict[str, Any]) -> None:
     """Eigenvalues of unsymmetric matrices of entries up to 1e10: rounding is some 1e-8 of them."""
-    system = build(read(tmp_path, as_text(spinning(case["parameters"]))).parameters)
+    system = build(read(tmp_path, as_text(spinning(case["parameters"]))).system)
     (rotation,) = system.rotations
     assert rotation.speed_ratio == Fraction(1, 78)
     for at in case["with_pin_preload"]:

@@ -22,7 +22,7 @@ from gearstab.response.linear.periodic import steady_state
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.gearbox.train import Train
-from gearstab.systems.parts.weak_tooth import equal_shares, missing
+from gearstab.systems.parts.weak_tooth import equal_shares, missing, over_the_width
 from gearstab.waveforms import Rectangular
 
 REFERENCE = json.loads((DATA / "faults_reference.json").read_text())
@@ -71,6 +71,18 @@ def test_lines_of_the_stiffness(case: dict[str, Any]) -> None:
             a, b = wave.fourier(j // z)
             found += amplitude * (b - 1j * a)
         assert_allclose(found, complex(real, imaginary), rtol=0, atol=1e-9)
+
+
+def test_helical_teeth_lose_the_mean_over_their_overlap() -> None:
+    # K_s of the mean over a width v is K_s sinc(s v) exp(-i pi s v).
+    wave, c, overlap = Rectangular(np.array(1.7)), np.array(1.7), np.array([0.0, 0.4, 1.9])
+    spur = missing(wave, c, 23, np.array(0.3), equal_shares(wave, c, np.array(2.0), np.array(0.5)))
+    found = over_the_width(spur, overlap / 23)
+    assert_allclose(found.mean, spur.mean, rtol=1e-13)
+    for s in (1, 5, 23, 40):
+        (a, b), (sine, cosine) = spur.fourier(s), found.fourier(s)
+        width = s * overlap / 23
+        assert_allclose(cosine - 1j * sine, (b - 1j * a) * np.sinc(width) * np.exp(-1j * np.pi * width), atol=1e-14)
 
 
 def train(name: str) -> dict[str, Any]:
@@ -127,7 +139,7 @@ def test_the_weak_pair_carries_less_and_no_other(waveform: dict[str, Any]) -> No
     faults = [{"gear": "a", "tooth": 2, "factor": 0.6}, {"gear": "b", "tooth": 5, "factor": 0.8}]
     system = gs.build(TRAIN | {"meshes": [mesh | {"faults": faults}]})
     whole, c = system.meshes[0], 1.6
-    teeth = Train({"rotors": TRAIN["rotors"]} | load({"system": TRAIN | {"meshes": [mesh]}}).parameters).teeth_of(0)
+    teeth = Train(load({"system": TRAIN | {"meshes": [mesh]}}).system).teeth_of(0)
     if waveform["kind"] != "pair":
         c = teeth.pairs[0].contact_ratio
     turns = np.random.default_rng(1).uniform(0, 17 * 40, 4000)
@@ -165,7 +177,7 @@ def test_growth_of_a_smooth_wave_by_direct_integration() -> None:
         return np.array([y[1], -mobility * k * y[0] - c * y[1], y[3], -mobility * k * y[2] - c * y[3]])
 
     period = 17 * 2 * np.pi / omega
-    d = float(Train(load({"system": TRAIN | {"meshes": [mesh]}}).parameters).teeth_of(0).pairs[0].contact_ratio) - 1
+    d = float(Train(load({"system": TRAIN | {"meshes": [mesh]}}).system).teeth_of(0).pairs[0].contact_ratio) - 1
     edges = np.unique(np.concatenate([np.arange(18), np.arange(17) + d])) * 2 * np.pi / omega
     y = np.array([1.0, 0.0, 0.0, 1.0])
     for begin, end in pairwise(edges):
@@ -198,7 +210,7 @@ HELD = pytest.mark.parametrize("held", ["ring", "carrier"])
 @HELD
 @pytest.mark.parametrize("gear", ["sun", "ring"])
 def test_a_tooth_meets_the_planets_in_turn(sense: str, held: str, gear: str) -> None:
-    p = load({"system": sets(sense, held, gear=gear)}).parameters
+    p = load({"system": sets(sense, held, gear=gear)}).system
     system, own = build(p), Train(p)
     parts = [mesh for mesh in system.meshes if mesh.part_of]
     assert [mesh.part_of for mesh in parts] == [f"set.{gear}.{n}" for n in (1, 2, 3)]

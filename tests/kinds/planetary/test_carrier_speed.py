@@ -54,7 +54,7 @@ def section(own: dict[str, Any], speed: Any, waves: dict[str, Any] | None = None
 
 
 def built(own: dict[str, Any]) -> GearSystem:
-    return build(load({"system": own}).parameters)
+    return build(load({"system": own}).system)
 
 
 @pytest.mark.parametrize("gear", GEARS, ids=[gear["name"] for gear in GEARS])

@@ -11,7 +11,6 @@ from planetary_gears import configuration
 
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
-from gearstab.config.model.axes import parameters_at
 from gearstab.info.text import report
 from gearstab.modal import mean_modes
 from gearstab.systems import build
@@ -31,7 +30,7 @@ def scene(tmp_path):
 
 
 def test_a_planetary_gear_from_a_configuration(scene):
-    system = build(load(scene).parameters)
+    system = build(load(scene).system)
     assert [mesh.name for mesh in system.meshes] == [f"{gear}{n}" for gear in ("sun", "ring") for n in (1, 2, 3, 4)]
     assert [float(mesh.lag) % 1 for mesh in system.meshes] == [0, 0.25, 0.5, 0.75, 0.5, 0.75, 0, 0.25]
     assert [float(mesh.epsilon) for mesh in system.meshes] == [0.1] * 4 + [0.2] * 4
@@ -53,10 +52,10 @@ NUMBERS = [
 def test_every_number_can_be_an_axis(scene, name, value, scaling):
     """Two rows at once are the two gears one by one, set with ``--set``."""
     values = [value, 1.1 * value]
-    alone = [build(load(scene, [f"scaling={scaling}", f"{name}={v}"]).parameters) for v in values]
+    alone = [build(load(scene, [f"scaling={scaling}", f"{name}={v}"]).system) for v in values]
     scene.write_text(SCENE + f"sweep:\n  {name}: {values}\nmethods:\n  perturbation: {{}}\n")
     config = load(scene, [f"scaling={scaling}"])
-    both = build(parameters_at(config, {name: np.array([0, 1])}))
+    both = build(config.at({name: np.array([0, 1])}))
     assert both.batch == (2,)
     for k, one in enumerate(alone):
         for rows, single in zip(numbers(both), numbers(one), strict=True):
@@ -105,12 +104,12 @@ def test_mistakes_are_named(scene, overrides, message):
 
 def test_the_rotational_model_needs_fewer_numbers(scene):
     overrides = ["motion=rotational", "masses={ring: 6.35, planet: 4}", "supports={carrier_rotation: 1.0e+11}"]
-    assert build(load(scene, overrides).parameters).size == 3 + 6 + 4
+    assert build(load(scene, overrides).system).size == 3 + 6 + 4
 
 
 def test_teeth_give_the_phases(scene):
     given = ["phases=", "teeth={sun: 27, planet: 35, ring: 97}"]
-    system = build(load(scene, given).parameters)
+    system = build(load(scene, given).system)
     assert [float(mesh.lag) % 1 for mesh in system.meshes] == [0, 0.75, 0.5, 0.25] * 2
 
 

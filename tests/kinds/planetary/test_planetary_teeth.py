@@ -9,7 +9,6 @@ import pytest
 from scenes import problems, read
 
 from gearstab.config import Config
-from gearstab.config.model.axes import parameters_at
 from gearstab.systems import build
 from gearstab.systems.planetary.sections import Planetary
 from gearstab.systems.planetary.teeth import with_teeth
@@ -50,7 +49,7 @@ def gear(tmp_path: Path) -> Config:
 
 
 def test_masses_and_inertias_are_those_of_discs(gear: Config) -> None:
-    p = with_teeth(gear.parameters)
+    p = with_teeth(gear.system)
     for body in ("sun", "planet"):
         mass = np.pi * DENSITY * WIDTH * radius(body) ** 2
         assert p["masses"][body] == pytest.approx(mass, rel=1e-12)
@@ -69,7 +68,7 @@ def test_contact_ratios_are_those_of_involutes(gear: Config) -> None:
     def reach(body: str, addendum: float) -> float:
         return float(np.sqrt((radius(body) + addendum) ** 2 - (radius(body) * np.cos(ALPHA)) ** 2))
 
-    p = with_teeth(gear.parameters)
+    p = with_teeth(gear.system)
     meshes = p["meshes"]
     outside = (reach("sun", M) + reach("planet", M) - centre * np.sin(ALPHA)) / pitch
     inside = (reach("planet", M) - reach("ring", -M) + centre * np.sin(ALPHA)) / pitch
@@ -84,7 +83,7 @@ LAG = 0.1855771347643117
 
 def lag_of(config: Config) -> float:
     """The lag of the ring's meshes behind the sun's."""
-    lags = {mesh.name: float(mesh.lag) for mesh in build(config.parameters).meshes}
+    lags = {mesh.name: float(mesh.lag) for mesh in build(config.system).meshes}
     differences = {round((lags[f"ring{n}"] - lags[f"sun{n}"]) % 1, 9) for n in (1, 2, 3, 4)}
     assert len(differences) == 1
     return differences.pop()
@@ -106,23 +105,23 @@ def test_the_ring_lags_by_the_rule_asked_for(tmp_path: Path, lines: str, lag: fl
     text = TEXT.replace("sun: 28, planet: 20, ring: 68", "sun: 30, planet: 24, ring: 78")
     config = read(tmp_path, text.replace("  planets: 4\n", f"  planets: 4\n  {lines}\n"))
     assert lag_of(config) == pytest.approx(lag, abs=1e-8)
-    assert said in Planetary.summary(config.parameters)["phases"]
+    assert said in Planetary.summary(config.system)["phases"]
     assert lag_of(read(tmp_path, config.resolved)) == pytest.approx(lag, abs=1e-8)
 
 
 def test_the_stiffness_is_that_of_the_same_teeth_in_a_gearbox(gear: Config, tmp_path: Path) -> None:
-    mesh, same = build(gear.parameters).meshes[0], build(read(tmp_path, PAIR).parameters).meshes[0]
+    mesh, same = build(gear.system).meshes[0], build(read(tmp_path, PAIR).system).meshes[0]
     assert mesh.mean_stiffness == pytest.approx(float(same.mean_stiffness), rel=1e-12)
     assert mesh.epsilon == pytest.approx(float(same.epsilon), rel=1e-12)
     # The ring's is measured: so much for each of the pairs in contact.
-    ring = build(gear.parameters).meshes[-1]
+    ring = build(gear.system).meshes[-1]
     low, high = (ring.mean_stiffness + 2 * ring.amplitude * level for level in ring.waveform.extremes())
     assert (low, high) == pytest.approx((3.0e8, 6.0e8), rel=1e-12)
 
 
 def test_what_is_given_stands(tmp_path: Path) -> None:
     text = TEXT.replace("carrier: 1.5", "carrier: 1.5, sun: 9").replace("sun: {}", "sun: {epsilon: 0.1}")
-    p = with_teeth(read(tmp_path, text).parameters)
+    p = with_teeth(read(tmp_path, text).system)
     assert (p["masses"]["sun"], p["meshes"]["sun"]["epsilon"]) == (9, 0.1)
     assert p["meshes"]["sun"]["contact_ratio"] > 1
 
@@ -194,11 +193,11 @@ def test_an_axis_of_the_teeth_takes_masses_and_stiffness_along(
     config = read(tmp_path, text)
     place = config.axes[1]
     together = np.array([1]) if place.assignments[0].structural else np.array([0, 1])
-    swept = build(parameters_at(config, {place.name: together}))
+    swept = build(config.at({place.name: together}))
     other = TEXT
     for old, new in changed.items():
         other = other.replace(old, new)
-    alone = build(read(tmp_path, other).parameters)
+    alone = build(read(tmp_path, other).system)
     np.testing.assert_allclose(swept.mass[-1] if swept.mass.ndim == 3 else swept.mass, alone.mass, rtol=1e-12)
     for mesh, same in zip(swept.meshes, alone.meshes, strict=True):
         for key in ("mean_stiffness", "epsilon", "lag"):
@@ -217,7 +216,7 @@ def test_an_axis_on_which_teeth_cannot_mesh_is_told(tmp_path: Path) -> None:
 
 def test_a_fixed_body_that_nothing_holds_is_told(gear: Config, tmp_path: Path) -> None:
     free = read(tmp_path, TEXT.replace(", ring_rotation: 1.0e9", ""))
-    assert "fixed" not in Planetary.summary(gear.parameters)
-    assert "supports.ring_rotation" in Planetary.summary(free.parameters)["fixed"]
+    assert "fixed" not in Planetary.summary(gear.system)
+    assert "supports.ring_rotation" in Planetary.summary(free.system)["fixed"]
     other = read(tmp_path, TEXT.replace("  planets: 4\n", "  planets: 4\n  fixed: carrier\n"))
-    assert "supports.carrier_rotation" in Planetary.summary(other.parameters)["fixed"]
+    assert "supports.carrier_rotation" in Planetary.summary(other.system)["fixed"]

@@ -6,12 +6,13 @@ The mathematics stands in gearstab/floquet/kernel/c_kernel.py and invariants.py.
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import expm
 
 from gearstab.floquet.kernel import decision, factors, graded, invariants
-from gearstab.floquet.kernel.damped import Generators
+from gearstab.floquet.kernel.damped import Generators, exponential
 from gearstab.floquet.kernel.factors import rotation
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, UNSTABLE, growth_of
-from gearstab.floquet.segments.pattern import Pattern, prepare
+from gearstab.floquet.segments.pattern import Pattern, Succession, prepare
 from gearstab.system import Array, GearSystem
 
 LARGE = 2.0**200
@@ -201,14 +202,43 @@ def exponents(item: GearSystem, omega: Array) -> Array:
     return np.stack([own for own in found if own is not None])
 
 
-def scan_damped(pattern: Pattern, generator: Generators, omega: Array) -> tuple[Array, Array]:
+def products_damped(pattern: Succession, generator: Generators, omega: Array) -> tuple[Array, Array]:
+    """(M exp(-scale) ``(r, P, m, m)``, scale ``(r, P)``).
+
+    M is the product of the exponentials of all segments, whose generators may go with the mesh frequency.
+    """
+    scale, m = np.zeros(omega.shape), generator.matrix.shape[-1]
+    product, every = np.broadcast_to(np.eye(m), (*omega.shape, m, m)), generator.at(omega)
+    for s, state in enumerate(pattern.states):
+        time = 2 * np.pi * pattern.cycles * pattern.fractions[:, s, None] / omega
+        # Without its growth the exponential of a long segment neither overflows nor underflows.
+        growth = np.linalg.eigvals(every[:, :, state]).real.max(axis=-1)
+        if generator.by_speed is None:
+            factor = np.stack([exponential(generator, row, int(state), t) for row, t in enumerate(time)])
+        else:
+            factor = expm((every[:, :, state] - growth[..., None, None] * np.eye(m)) * time[..., None, None])
+        product = factor @ product
+        size = np.abs(product).max(axis=(-2, -1))
+        product, scale = product / size[..., None, None], scale + growth * time + np.log(size)
+    return product, scale
+
+
+def multipliers_damped(pattern: Succession, generator: Generators, omega: Array) -> tuple[Array, Array, Array]:
+    """ln max |lambda| and ln of the size of M, ``(r, P)``, and all multipliers over exp(scale), ``(r, P, m)``."""
+    product, scale = products_damped(pattern, generator, omega)
+    values = np.linalg.eigvals(product)
+    with np.errstate(divide="ignore"):
+        return np.log(np.abs(values).max(axis=-1)) + scale, scale, values
+
+
+def scan_damped(pattern: Succession, generator: Generators, omega: Array) -> tuple[Array, Array]:
     """ln max |lambda| and ln of the size of M, ``(r, P)`` each."""
-    return factors.multipliers_damped(pattern, generator, omega)[:2]
+    return multipliers_damped(pattern, generator, omega)[:2]
 
 
-def log_multipliers_damped(pattern: Pattern, generator: Generators, omega: Array) -> Array:
+def log_multipliers_damped(pattern: Succession, generator: Generators, omega: Array) -> Array:
     """ln lambda ``(r, P, m)``."""
-    return factors.log_multipliers_damped(pattern, generator, omega, graded.log_multipliers)
+    return factors.log_multipliers_damped(pattern, generator, omega, multipliers_damped, graded.log_multipliers)
 
 
 def trace_change(rho: Array, other: Array, weight: float) -> tuple[Array, Array]:

@@ -70,7 +70,7 @@ def problems(folder: Path, text: str, *settings: str) -> dict[str, str]:
 
 def test_the_file_holds_the_response(tmp_path: Path) -> None:
     found = answered(tmp_path)["response"]
-    system = build(load(tmp_path / "pair.yaml").parameters)
+    system = build(load(tmp_path / "pair.yaml").system)
     step = tau / (24 * 600 * pi / 30) / 50
     expected = respond(system, InitialState(24 * 600 * pi / 30, 0.01472027972), step, cycles=12)
     for name in ("time", "phi", "phi_dot", "theta", "theta_dot", "energy"):
@@ -157,13 +157,13 @@ def test_forces_are_in_newtons_where_lengths_are_known(tmp_path: Path) -> None:
 def test_contact_ratio_and_angle_say_the_same(tmp_path: Path) -> None:
     ratio = 2 - 1.73 / tau
     text = (SYSTEM + RESPOND).replace("single_contact_angle: 1.73", f"contact_ratio: {ratio!r}")
-    system = build(load(written(tmp_path, text)).parameters)
+    system = build(load(written(tmp_path, text)).system)
     assert system.numbers.single == pytest.approx(1.73, rel=1e-14)
 
 
 def test_the_classical_formulation_is_hills_equation(tmp_path: Path) -> None:
     """Its growth rates are those of the same equation written as matrices."""
-    pair = build(load(written(tmp_path, SYSTEM + RESPOND), ["system.formulation=classical"]).parameters)
+    pair = build(load(written(tmp_path, SYSTEM + RESPOND), ["system.formulation=classical"]).system)
     m2, w0 = 105879.3237402404, 14929.031330706157
     part = 1.73 / tau
     mean = part * 1430 + (1 - part) * 2780
@@ -178,7 +178,7 @@ system:
 sweep: {{mesh_frequency: [1.0]}}
 methods: {{floquet: {{}}}}
 """
-    other = build(load(written(tmp_path, text)).parameters)
+    other = build(load(written(tmp_path, text)).system)
     omega = np.linspace(10000.0, 36000.0, 14)
     np.testing.assert_allclose(
         solve(pair, omega).growth_rate, solve(other, omega).growth_rate, rtol=1e-9, atol=1e-8 * w0
@@ -190,7 +190,7 @@ def test_a_sweep_puts_the_formulations_side_by_side(tmp_path: Path) -> None:
     path, out = written(tmp_path, SYSTEM + SWEEP), tmp_path / "map.h5"
     done = ran("sweep", path, "-o", out, "-j", "1", "-q")
     assert done.exit_code == 0, done.output
-    parameters = load(path).parameters
+    parameters = load(path).system
     with open_result(out) as tree:
         found = tree["floquet"].to_dataset().load()
     assert found["formulation"].values.tolist() == ["energy_conserving", "classical", "rigid_kinematic"]

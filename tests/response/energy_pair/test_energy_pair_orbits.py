@@ -316,7 +316,7 @@ def test_where_the_speed_couples_with_the_deflection_the_growth_is_that_of_all_t
 
 def test_a_held_motion_has_all_its_samples_however_it_is_rounded() -> None:
     """Small differences grow some thousand times in 120 cycles; the end is a sample all the same."""
-    system = load(CONFIGS / "oh_grosh_barber_2005" / "fig4a.yaml", ("torque=84.2",)).parameters
+    system = load(CONFIGS / "oh_grosh_barber_2005" / "fig4a.yaml", ("torque=84.2",)).system
     gears, omega = build(system), 24 * tau * 10
     assert isinstance(gears, RotatingPair)
     start, drive = held(gears, omega)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -19,7 +20,7 @@ class Resolved(Pattern):
 
     fine: Pattern | None = None
 
-    def subset(self, index: Array) -> Pattern:
+    def subset(self, index: Array) -> Self:
         """Some of the rows, by position, of both."""
         part = super().subset(index)
         vars(part)["fine"] = None if self.fine is None else self.fine.subset(index)

@@ -104,11 +104,11 @@ class Items:
         every = Items(*(np.concatenate(part) for part in parts))
         every = every.chosen(np.lexsort((-every.high, every.low, every.row)))
         inner = np.zeros(len(every.row), dtype=bool)
-        inner[1:] = (np.diff(every.row) == 0) & (every.high[1:] <= _running_maximum(every.row, every.high)[:-1])
+        inner[1:] = (np.diff(every.row) == 0) & (every.high[1:] <= running_maximum(every.row, every.high)[:-1])
         return every.chosen(np.flatnonzero(~inner))
 
 
-def _running_maximum(row: Array, values: Array) -> Array:
+def running_maximum(row: Array, values: Array) -> Array:
     """The largest value so far of each row; rows ascend."""
     order = np.argsort(values, kind="stable")
     rank = np.empty(len(values), dtype=int)
@@ -163,7 +163,7 @@ class Cover:
         """Record evaluations at points ``(P,)`` of so many products a segment each."""
         count = np.bincount(row, minlength=len(self.work))
         self.evaluations += count
-        self.work += products * len(self.chain.states) * count
+        self.work += (products + self.chain.overhead) * len(self.chain.states) * count
 
     def prove(self, row: Array, x: Array) -> None:
         """Sample points and try a proof at each."""
@@ -278,6 +278,8 @@ class Cover:
 
 def damping_ratio(chain: Chain) -> Array:
     """``(r,)``, the smallest |mu_j|/w_j; 0 where a mode has none or no frequency."""
+    if chain.lightest is not None:
+        return np.asarray(chain.lightest.min(axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.abs(chain.rates[:, : chain.frequencies.shape[1]]) / chain.frequencies
     return np.asarray(np.where(np.isfinite(ratio), ratio, 0.0).min(axis=1))
@@ -290,9 +292,13 @@ def cover(chain: Chain, first: Array, last: Array, tolerance: float, floor: floa
     no more is begun; nor is where far more would be needed.
     """
     found = Cover(chain, first, last, budget)
-    count = (last - first) / (FIRST * np.maximum(damping_ratio(chain), LIGHTEST))
+    # Where damping changes with the speed, few places have the lightest.
+    usual = damping_ratio(chain) if chain.lightest is None else np.median(chain.lightest, axis=1)
+    count = (last - first) / (FIRST * np.maximum(usual, LIGHTEST))
     sound = chain.sound & (chain.rates > 0).all(axis=1) & (chain.frequencies > 0).all(axis=1)
-    found.provable = sound & (count <= MOST) & (count * PROOF * len(chain.states) < HOPELESS * budget)
+    found.provable = (
+        sound & (count <= MOST) & (count * (PROOF + chain.overhead) * len(chain.states) < HOPELESS * budget)
+    )
     count = np.ceil(np.where(found.provable, np.maximum(count, FEWEST), FEWEST)).astype(int)
     row = np.repeat(np.arange(len(count)), count)
     found.prove(row, np.concatenate([np.linspace(a, b, c) for a, b, c in zip(first, last, count, strict=True)]))

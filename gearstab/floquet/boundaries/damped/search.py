@@ -57,7 +57,7 @@ class SearchResult:
     proved, counted: where stability is proved, and where nothing is but the scan had the step set by damping.
     step: ``(r,)``, relative distance of the samples elsewhere, 0 where there is nothing else. coarse ``(r,)``: whether
     meetings of multipliers between them were not pursued. peaks: cycles inside of each interval at which growth is
-    largest, among samples.
+    largest, among samples. contacts: ``(r,)``, collisions that open no interval, where they are counted.
     """
 
     intervals: Intervals
@@ -67,6 +67,7 @@ class SearchResult:
     counted: Stretches
     step: Array
     coarse: Array
+    contacts: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def search(chain: Chain, first: Array, last: Array, tolerance: float, floor: flo
     tolerance, floor: relative. budget: multiplications a row for the proof, as many for the scan, and PURSUIT times as
     many for meetings of multipliers.
     """
-    if chain.values.shape[1] == 1:
+    if chain.values.shape[1] == 1 and chain.following is None:
         return _constant(chain, first, last)
     products = budget / chain.size**3
     found = cover(chain, np.log(first), np.log(last), tolerance, floor, products)
@@ -147,12 +148,13 @@ class ScanPlan:
         """What the budget allows for."""
         chain, opened = scan.cover.chain, scan.opened
         left = np.bincount(opened.row, opened.width, minlength=len(first))
-        each = MODULI * len(chain.states)
+        more = chain.overhead * len(chain.states)
+        each = MODULI * len(chain.states) + more
         most = float(np.clip(products / each, COARSEST, FINEST))
         step = STEP * damping_ratio(chain)
         counted = left <= most * step
         meetings = np.maximum(collisions(chain, first, last), COARSEST / RASTER)
-        work = meetings * (EVALUATIONS * each + SPECTRA * (2 * len(chain.states) + SPECTRUM))
+        work = meetings * (EVALUATIONS * each + SPECTRA * (2 * (len(chain.states) + more) + SPECTRUM))
         pursued = ~counted & (meetings <= MEETINGS) & (work <= PURSUIT * products)
         equal = np.maximum(left, np.finfo(float).tiny) / np.clip(products / (each + SPECTRUM), COARSEST, EQUAL)
         step = np.where(counted, np.maximum(step, np.finfo(float).tiny), equal)

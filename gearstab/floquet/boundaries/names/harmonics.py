@@ -174,17 +174,18 @@ def _solutions(chain: Chain, row: Array, cycle: Array, count: int) -> tuple[Arra
         return point, np.empty((0, 0, count))
     row, period, logs = row[point], chain.period(cycle[point]), logs[point, place]
     state = np.einsum("pij,pj->pi", chain.basis[row, chain.states[0]], vectors[point, :, place])
-    harmonics = np.fft.fftshift(np.fft.fft(_sampled(chain, row, period, state, logs, count), axis=-1), axes=-1)
+    harmonics = np.fft.fftshift(
+        np.fft.fft(sampled(chain, row, period, state, logs, count, chain.frequencies.shape[1]), axis=-1), axes=-1
+    )
     number = np.fft.fftshift(np.fft.fftfreq(count, 1 / count))
     frequency = (logs.imag[:, None] + 2 * np.pi * number) / period[:, None]
     return point, frequency[:, None, :] * np.abs(harmonics) ** 2
 
 
-def _sampled(chain: Chain, row: Array, period: Array, state: Array, logs: Array, count: int) -> Array:
-    """The positions ``(P, n, count)`` over a common period of the solutions that begin with ``state`` ``(P, m)``, over
-    exp(logs t/T), which makes them periodic; rows ascend.
+def sampled(chain: Chain, row: Array, period: Array, state: Array, logs: Array, count: int, n: int) -> Array:
+    """The first n components ``(P, n, count)`` over a common period of the solutions that begin with ``state`` ``(P,
+    m)``, over exp(logs t/T), which makes them periodic; rows ascend.
     """
-    n = chain.frequencies.shape[1]
     result = np.empty((len(row), n, count), dtype=complex)
     time = np.arange(count) / count
     for r in np.unique(row):

@@ -1,4 +1,7 @@
-"""Floquet analysis of a (batched) gear system: each system by the solver that fits it."""
+"""Floquet analysis of systems of which only the mesh stiffness varies, block by block, in the modes of the mean system.
+
+Points are decided as :mod:`~gearstab.floquet.kernel.invariants` and :mod:`~gearstab.floquet.kernel.decision` say.
+"""
 
 from __future__ import annotations
 
@@ -13,44 +16,9 @@ from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
 from gearstab.floquet.stability import FloquetStability, empty, mark_failed, settled
 from gearstab.system import Array, GearSystem
 
-TOLERANCE = 1e-9
-"""Tolerance of the multipliers where propagation is not exact."""
 
-
-def solve(
-    system: GearSystem,
-    mesh_frequency: Array,
-    exponents: bool = False,
-    reduction: bool = True,
-    tolerance: float = TOLERANCE,
-) -> FloquetStability:
-    """Stability of every row of a system at every mesh frequency of the first mesh.
-
-    * Piecewise constant mesh stiffness: the monodromy matrix over the common period of all meshes is the exact product
-      of the segments' propagators.
-    * Mesh stiffness that is smooth somewhere: the same with Magnus steps (:mod:`~gearstab.floquet.smooth`), as many as
-      the tolerance needs.
-    * Further terms of K(t) and C(t), and damping that is not symmetric: :mod:`~gearstab.floquet.general`.
-
-    Points are decided as :mod:`~gearstab.floquet.kernel.invariants` and :mod:`~gearstab.floquet.kernel.decision` say.
-    Parts of the system that the meshes do not couple are solved one by one (:mod:`~gearstab.floquet.segments.blocks`).
-
-    Parameters
-    ----------
-    system: any batch shape; the result has one row for each entry of the flattened batch.
-    mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``, rad per unit time, positive.
-    exponents: whether to compute all characteristic exponents too (slower).
-    reduction: False to treat every system as a whole (slower, for comparison).
-    tolerance: of the multipliers over the common period, relative to the largest one or 1, where propagation is not
-        exact; points that do not reach it are marked.
-
-    Raises ValueError where the mesh frequencies have no common period.
-    """
-    omega = system.operating_points(mesh_frequency)
-    if system.general:
-        from gearstab.floquet import general
-
-        return general.analyse(system, omega, exponents, tolerance)
+def analyse(system: GearSystem, omega: Array, exponents: bool, reduction: bool, tolerance: float) -> FloquetStability:
+    """Stability of every row of a system at mesh frequencies ``(rows, P)``; see :func:`gearstab.floquet.solve`."""
     error = None if system.piecewise_constant else np.zeros(omega.shape)
     table = _Exponents(omega.shape, 2 * system.size) if exponents else None
     result = _Result(omega)

@@ -1,0 +1,119 @@
+"""Multipliers where everything is constant between jumps: products of exponentials, all mesh frequencies at once.
+
+Where nothing goes with the mesh frequency the states have modes, which serve all of it. Where speeds of rotation follow
+it, every segment has an exponential of its own at each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gearstab.floquet.general.coordinates import ElasticRows, elastic_rows
+from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel.damped import Generators
+from gearstab.floquet.kernel.factors import SPREAD
+from gearstab.floquet.segments.pattern import SHORTEST, Succession, merged
+from gearstab.propagation.schedule import Schedule, schedule
+from gearstab.system import Array, GearSystem
+
+ROUNDING = 3e-16
+"""Relative error of a step, and of its exponential for each unit of the norm of its exponent."""
+SYMMETRIC = 1e-14
+"""Part of the largest entry by which matrices may depart from what symmetry makes them."""
+
+
+@dataclass(frozen=True)
+class ExactRows:
+    """Rows with their segments and the generators of their states, in units of the rows' rates."""
+
+    own: ElasticRows
+    segments: Succession
+    generator: Generators
+
+    @property
+    def rate(self) -> Array:
+        """``(r, 1)``, 1/time."""
+        return self.own.form.rate[:, None]
+
+    def logs(self, mesh_frequency: Array, exponents: bool) -> tuple[Array, Array, Array | None]:
+        """(ln max |lambda| ``(r, P)``, its rounding error, ln lambda ``(r, P, m)`` if they are wanted)."""
+        omega = mesh_frequency / self.rate
+        if self.own.form.size == 0:
+            none = np.full(omega.shape, -np.inf)
+            return none, np.zeros(omega.shape), np.empty((*omega.shape, 0), dtype=complex) if exponents else None
+        table = self._all_logs(omega) if exponents else None
+        growth = kernel.scan_damped(self.segments, self.generator, omega)[0]
+        return growth, self._rounding(omega), table
+
+    def _all_logs(self, omega: Array) -> Array:
+        if self.generator.by_speed is None:
+            return kernel.log_multipliers_damped(self.segments, self.generator, omega)
+        _, scale, values = kernel.multipliers_damped(self.segments, self.generator, omega)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logs = np.log(values) + scale[..., None]
+        # Small multipliers of a product are noise: there every point is a row of its own, whose speeds are held.
+        row, point = np.nonzero(~(np.ptp(logs.real, axis=-1) <= SPREAD))
+        if len(row):
+            at = omega[row, point][:, None]
+            matrix = self.generator.subset(row).at(at)[:, 0]
+            logs[row, point] = kernel.log_multipliers_damped(self.segments.subset(row), Generators(matrix), at)[:, 0]
+        return logs
+
+    def _rounding(self, omega: Array) -> Array:
+        """``(r, P)``: of all steps, and of the exponentials, whose exponents' norms add up."""
+        ends = np.stack([omega.min(axis=1), omega.max(axis=1)], axis=1)
+        size = np.abs(self.generator.at(ends)).sum(axis=-2).max(axis=-1)[..., self.segments.states].max(axis=1)
+        norm = np.sum(np.abs(self.segments.fractions) * size, axis=1)
+        period = 2 * np.pi * self.segments.cycles / omega
+        return np.asarray(ROUNDING * (len(self.segments.states) + norm[:, None] * period))
+
+
+def exact_rows(system: GearSystem) -> Iterator[ExactRows]:
+    """All rows of a system that is piecewise constant, each once."""
+    plan, cycles = schedule(system), float(system.common_period()[0])
+    values = plan.values(0.5 * (plan.edges[:, 1:] + plan.edges[:, :-1]))
+    for every in elastic_rows(system):
+        symplectic = _hamiltonian(every)
+        for hamiltonian in np.unique(symplectic):
+            own = every.subset(np.flatnonzero(symplectic == hamiltonian))
+            rows, form = own.form.rows, own.form
+            segments, levels = _segments(plan.subset(rows), values[rows], cycles)
+            # Values of rows run along the second axis from the right there.
+            matrix = np.swapaxes(replace(form, by_speed=None).generator(np.swapaxes(levels, 0, 1)), 0, 1)
+            laws = (
+                None if form.laws is None else form.laws * np.stack([form.rate, *np.ones((2, len(rows)))], -1)[:, None]
+            )
+            yield ExactRows(own, segments, Generators(matrix, form.by_speed, laws, bool(hamiltonian)))
+
+
+def _hamiltonian(own: ElasticRows) -> Array:
+    """``(r,)``: whether all that acts on positions is symmetric, and all that acts on velocities skew."""
+    form, n = own.form, len(own.elastic)
+    if form.size != 2 * n:
+        return np.zeros(len(form.rows), dtype=bool)
+    matrices = np.concatenate(
+        [form.constant[:, None], form.parts, *([] if form.by_speed is None else [form.by_speed])], 1
+    )
+    velocity, above = matrices[..., n:, n:], matrices[..., :n, :].copy()
+    above[:, 0, :, n:] -= np.eye(n)
+    left = [above, matrices[..., n:, :n] - np.swapaxes(matrices[..., n:, :n], -1, -2)]
+    left.append(velocity + np.swapaxes(velocity, -1, -2))
+    size = np.abs(matrices).max(axis=(1, 2, 3))
+    return np.asarray(np.max([np.abs(part).max(axis=(1, 2, 3)) for part in left], axis=0) <= SYMMETRIC * size)
+
+
+def _segments(plan: Schedule, values: Array, cycles: float) -> tuple[Succession, Array]:
+    """Intervals without neighbours in the same state, and the functions ``(r, D, J)`` in each state.
+
+    values: ``(r, S, J)``.
+    """
+    lengths = plan.lengths
+    table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
+    _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    key = np.where(lengths.max(axis=0) > SHORTEST, np.ravel(states), -1)
+    kept, fractions, start = merged(key, lengths, plan.edges[:, :-1])
+    used, states = np.unique(kept, return_inverse=True)
+    return Succession(plan.rows, cycles, fractions, start, np.ravel(states)), values[:, first[used]]
