@@ -25,7 +25,7 @@ from gearstab.systems.gearbox.train import Train
 from gearstab.systems.parts.weak_tooth import equal_shares, missing, over_the_width
 from gearstab.waveforms import Rectangular
 
-REFERENCE = json.loads((DATA / "faults_reference.json").read_text())
+REFERENCE = json.loads((DATA / "rotation" / "weak_teeth.json").read_text())
 WEAK = pytest.mark.parametrize("case", REFERENCE["weak_tooth"], ids=lambda case: case["name"])
 MILLIMETRES = {"module": "2 mm", "pressure_angle": "20 deg", "face_width": "20 mm"}
 
