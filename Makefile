@@ -101,18 +101,11 @@ update-figures: $(VENV)/.installed ## and write the references anew; git diff sh
 	@$(BIN)/python scripts/figures.py --update $(FIGURES)
 
 bench: $(VENV)/.installed ## speed and error of the methods, side by side
-	@$(BIN)/python scripts/bench.py
-	@$(BIN)/python scripts/bench_kernel.py
-	@$(BIN)/python scripts/bench_blocks.py
-	@$(BIN)/python scripts/bench_boundaries.py
-	@$(BIN)/python scripts/bench_smooth.py
-	@$(BIN)/python scripts/bench_damped.py
-	@$(BIN)/python scripts/bench_tolerance.py
+	@PYTHONPATH=scripts $(BIN)/python -m bench
 	@$(foreach scene,$(BENCH),echo; echo "$(scene)"; $(GEARSTAB) bench $(scene) -o results/bench/$(basename $(notdir $(scene))).h5 -q;)
 
 bench-scale: $(VENV)/.installed ## laws of cost, whole sweeps beside the kernel alone, workers beside threads; LARGEST=8 for 10^8 points
-	@$(BIN)/python scripts/bench_laws.py
-	@$(BIN)/python scripts/bench_scale.py $(LARGEST)
+	@PYTHONPATH=scripts $(BIN)/python -m bench laws scale $(LARGEST)
 
 benchmarks: $(VENV)/.installed ## published numbers against ours: the table of configs/benchmarks/
 	@$(BIN)/python scripts/benchmarks.py

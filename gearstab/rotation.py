@@ -97,3 +97,9 @@ class Rotation:
 def factors(speed: Array, power: Array, softening: Array) -> Array:
     """Return W^power/(1 - a W^2), what the matrix of a term is multiplied by, of any broadcast shapes."""
     return np.asarray(speed**power / (1 - softening * speed**2))
+
+
+def factor_slopes(speed: Array, power: Array, softening: Array) -> Array:
+    """Return the derivatives of :func:`factors` with respect to the speed."""
+    rest = 1 - softening * speed**2
+    return np.asarray((power * speed ** (power - 1) + (2 - power) * softening * speed ** (power + 1)) / rest**2)

@@ -22,8 +22,8 @@ _MESSAGES = {
 }
 _REMEDIES = {
     Feature.PERIODIC_TERMS: "use floquet, which takes these too",
-    Feature.UNSYMMETRIC_DAMPING: "use floquet, which takes it too",
-    Feature.ROTATION: "use floquet, which takes these too",
+    Feature.UNSYMMETRIC_DAMPING: "use floquet or boundaries, which take it too",
+    Feature.ROTATION: "use floquet or boundaries, which take these too",
     Feature.IRRATIONAL_RATIO: "remove it, or give exact ratios",
     Feature.FOLLOWS_ROTATION: "set formulation: classical",
 }

@@ -128,7 +128,8 @@ def the_symmetry(system: GearSystem) -> Cyclic | None:
 
 
 def phase_step(system: GearSystem) -> int | None:
-    """z, where every mesh wave lags that of the same gear one planet before by z/N of a period; None if there is none.
+    """z, where every mesh wave lags that of the same gear one planet before by z/N of a period; None if there is none,
+    and with meshes outside of the planetary set, whose waves no tooth number of the sun shifts.
 
     With phases from tooth numbers z = z_s (mod N); meshes in phase have z = 0. The meshes of a gear that go into one
     another by turns must be alike in all but their phase.
@@ -138,6 +139,8 @@ def phase_step(system: GearSystem) -> int | None:
         return None
     order = symmetry.order
     for mesh, following in _neighbours(system.meshes, symmetry.turn):
+        if following is mesh:
+            return None
         step = float(np.asarray(following.lag) - np.asarray(mesh.lag)) * order
         if not _alike(mesh, following) or abs(step - round(step)) > ALIKE * order:
             return None

@@ -154,7 +154,7 @@ class PeriodicTerm:
 
 @dataclass(frozen=True)
 class PeriodicForce:
-    """An external force p(x) u, x = r Omega t/2 pi - lag.
+    """A force p(x) u, x = r Omega t/2 pi - lag.
 
     Parameters
     ----------
@@ -162,6 +162,8 @@ class PeriodicForce:
     direction: ``(..., n)``, u.
     profile: the function p of period 1; its mean counts.
     frequency_ratio, lag: as in :class:`Mesh`.
+    mesh: the name of the mesh along whose direction its teeth exert it, so that the mesh force is k_i (g_i^T q - e_i) -
+        p; "" of a force from outside.
     """
 
     name: str
@@ -169,6 +171,7 @@ class PeriodicForce:
     profile: Profile
     frequency_ratio: Fraction | float = Fraction(1)
     lag: Array | float = 0.0
+    mesh: str = ""
 
     @property
     def batch(self) -> tuple[int, ...]:

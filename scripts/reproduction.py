@@ -14,6 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import kuria_kihiu_2008
+import turning_carriers
 
 import lin_parker_2002
 import oh_grosh_barber_2005
@@ -22,7 +23,7 @@ from statements import Paper, Runs, Statement
 
 PAGE = Path(__file__).parent.parent / "docs" / "reproduction.md"
 
-PACKAGES = (lin_parker_2002, oh_grosh_barber_2005, kuria_kihiu_2008, parker_2009)
+PACKAGES = (lin_parker_2002, oh_grosh_barber_2005, kuria_kihiu_2008, parker_2009, turning_carriers)
 PAPERS = {package.__name__: package.PAPER for package in PACKAGES}
 
 HEAD = """\

@@ -71,7 +71,7 @@ def flow(system: Segments) -> Flow:
     symmetric = np.array_equal(system.mass, system.mass.T) and np.array_equal(stiffness, _turned(stiffness))
     kept = columns is None and symmetric and all(np.array_equal(c, -damping[0].T) for c in damping)
     form = _blocks([[exact(damping[0]), mass], [-1 * mass, 0 * mass]]) if kept else None
-    return Flow([states[s] for s in system.states], list(system.fractions), system.cycles, form)
+    return Flow(states, list(system.states), list(system.fractions), system.cycles, form)
 
 
 def _generator(mass: arb_mat, damping: arb_mat, stiffness: arb_mat, columns: tuple[arb_mat, arb_mat] | None) -> arb_mat:

@@ -1,29 +1,34 @@
 """Finding certificates: pieces that cover a range, and coordinates that prove them, in floating point.
 
-Coordinates are Floquet vectors at the middle of a piece, those that grow most first. How long a piece may be is found
-by asking the verifier, so that nothing is kept that it refuses: a piece is followed by a longer one, and tried again at
-half its length where it fails. Towards an edge pieces shrink with the distance to it, down to a floor.
+Coordinates are Floquet vectors near the middle of a piece, those that grow most first. How far they reach is asked of a
+few mesh frequencies beyond; what the verifier then refuses is tried again at a part of its length. Towards an edge
+pieces shrink with the distance to it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import expm
 
+from gearstab.certificates.choices import GRADED
 from gearstab.certificates.verifier import Array, Certificate, Flow, near, proves
 
-LONGER, SHORTER = 4.0, 0.6
-"""Length of what is tried after a piece that is proved, at most, and after one that is not, as parts of its own."""
-AGAIN, BOLDER = 1.0, 1.3
-"""The first after a piece that was not proved at once, and what becomes of it with every piece that is."""
-TOWARDS = 0.95
-"""Part of the distance to an edge that a piece may take."""
 FIRST = 0.01
-"""Length of the first piece, relative to Omega, where no edge is near."""
-GRADED = 1e-6
-"""Ratio of multipliers below which the modes of the mean system serve as coordinates."""
+"""From the lower end of the first piece to where its coordinates are looked for, relative to Omega, if no edge is near.
+"""
+REACH = np.array([0.5, 1.0, 1.6, 2.4, 3.6, 6.0, 10.0, 17.0])
+"""How far beyond they may reach, as parts of that."""
+SHORTER, LONGER = 0.4, 0.55
+"""That distance after a piece that is not proved, as part of its own, and after one that is, of the length of that."""
+LEAST = 0.05
+"""Part of the definiteness in the middle that must be left at the ends: the verifier needs some for its balls."""
+WIDE = 1e6
+"""Ratio of multipliers above which the modes of the mean system serve as coordinates."""
+CONDITION = 1e8
+"""Of eigenvectors up to which exponentials are made of them."""
 REAL = 1e-12
 """Imaginary part, relative to the modulus, below which a multiplier is real."""
 CIRCLE = 1e-9
@@ -40,42 +45,95 @@ class Maker:
     def __init__(self, flow: Flow, floor: float) -> None:
         self.flow, self.floor = flow, floor
         self.generators = np.array([near(generator) for generator in flow.generators])
-        self.fractions = np.asarray(flow.fractions)
+        self.states, self.fractions = np.asarray(flow.states), np.asarray(flow.fractions)
+        self.share = np.bincount(self.states, self.fractions)
+        self.mean = np.tensordot(self.share, self.generators, 1)
         self.form = None if flow.form is None else near(flow.form)
+        values, vectors = np.linalg.eig(self.generators)
+        diagonal = np.linalg.cond(vectors).max() < CONDITION
+        self.spectra = (values, vectors, np.linalg.inv(vectors)) if diagonal else None
 
     def cover(self, low: float, high: float, edges: tuple[bool, bool] = (False, False)) -> Iterator[Certificate]:
         """Pieces of an interval of Omega, ascending, all of them proved.
 
         edges: whether its ends are edges between stable and unstable.
         """
-        at, stop = np.log([low, high])
-        width, more = self.floor if edges[0] else FIRST, LONGER
+        at, stop = low * (1 + edges[0] * self.floor), high * (1 - edges[1] * self.floor)
+        distance, trust = self.floor if edges[0] else FIRST, len(REACH)
         while at < stop:
-            rest = stop - at
-            if edges[1]:
-                width = min(width, max(TOWARDS * rest, self.floor))
-            width = min(width, rest)
-            piece = self.proposal(max(low, float(np.exp(at))), min(high, float(np.exp(at + width))))
+            piece = self._reaching(at, stop, distance, trust)
             if piece is not None and proves(self.flow, piece):
                 yield piece
-                at, width, more = at + width, more * width, min(BOLDER * more, LONGER)
-            elif width > self.floor:
-                width, more = max(SHORTER * width, self.floor), AGAIN
+                trust = min(trust + 1, len(REACH))
+                at, distance = piece.high, max(LONGER * (piece.high / piece.low - 1), SHORTER * self.floor)
+            elif piece is not None and trust > 1:
+                trust //= 2
+            elif distance > SHORTER * self.floor:
+                distance *= SHORTER
             else:
-                at, width = at + width, LONGER * width
+                at, distance = at * (1 + self.floor), self.floor
+
+    def _reaching(self, low: float, stop: float, distance: float, trust: int) -> Certificate | None:
+        """A piece from ``low`` to as far as what its coordinates, taken at a distance, prove; trust: how many of REACH
+        are asked.
+        """
+        middle = min(low * (1 + distance), np.sqrt(low * stop))
+        ends = np.minimum(middle + (middle - low) * REACH[:trust], stop)
+        phi = self._monodromy(np.array([middle, low, *ends]))
+        found = self._claim(phi[0], low, middle)
+        if found is None:
+            return None
+        definite = self._definiteness(found, phi)
+        enough = definite[1:] > LEAST * max(definite[0], 0.0)
+        if not enough[0]:
+            return None
+        reached = int(np.argmin(np.append(enough, False))) - 1
+        return replace(found, high=float(ends[reached - 1])) if reached else found
+
+    def _definiteness(self, piece: Certificate, phi: Array) -> Array:
+        """The least eigenvalue of the form that proves a piece for ``(P, m, m)``; 1 where coordinates are others."""
+        x = piece.coordinates
+        if piece.rate:
+            moved = np.linalg.solve(x, phi @ x)
+            if piece.outside == 0 and np.linalg.cond(moved[0]) > GRADED:
+                return np.ones(len(phi))
+            signs = np.where(np.arange(len(x)) < piece.outside, 1.0, -1.0)
+            form = np.swapaxes(moved, 1, 2) @ (signs[:, None] * moved) - piece.rate * np.diag(signs)
+            return np.asarray(np.linalg.eigvalsh(form)[:, 0])
+        assert self.form is not None
+        turned = self.form @ phi
+        total = phi - np.linalg.solve(self.form, np.swapaxes(turned, 1, 2))
+        form = turned + np.swapaxes(turned, 1, 2)
+        for zero in piece.separators:
+            form = form @ (total - zero * np.eye(len(x)))
+        form = x.T @ form @ x
+        return np.asarray(np.linalg.eigvalsh(form * np.sign(form[:1, :1, :1]))[:, 0])
+
+    def _monodromy(self, omega: Array) -> Array:
+        """``(P, m, m)``, at each omega ``(P,)``."""
+        found = np.broadcast_to(np.eye(self.mean.shape[0]), (len(omega), *self.mean.shape))
+        for state, f in zip(self.states, self.fractions, strict=True):
+            times = f * 2 * np.pi * self.flow.cycles / omega
+            if self.spectra is None:
+                own = expm(self.generators[state] * times[:, None, None])
+            else:
+                values, vectors, back = (part[state] for part in self.spectra)
+                own = ((vectors * np.exp(values * times[:, None])[:, None, :]) @ back).real
+            found = own @ found
+        return found
 
     def proposal(self, low: float, high: float) -> Certificate | None:
         """What may prove what the multipliers in the middle say; None where rounding has the last word."""
-        period = 2 * np.pi * self.flow.cycles / np.sqrt(low * high)
-        monodromy = np.eye(self.generators.shape[-1])
-        for segment in expm(self.generators * (self.fractions * period)[:, None, None]):
-            monodromy = segment @ monodromy
+        return self._claim(self._monodromy(np.array([np.sqrt(low * high)]))[0], low, high)
+
+    def _claim(self, monodromy: Array, low: float, high: float) -> Certificate | None:
         if not np.isfinite(monodromy).all():
             return None
         values, vectors = np.linalg.eig(monodromy)
-        if np.abs(values).max() < 1 and np.linalg.cond(vectors) * np.abs(values).min() < GRADED * np.abs(values).max():
-            values, vectors = np.linalg.eig(np.tensordot(self.fractions, self.generators, 1))
-            values = np.exp(values - values.real.max() - 1)
+        if np.abs(values).max() < 1 and np.linalg.cond(vectors) * np.abs(values).min() * WIDE <= np.abs(values).max():
+            values, vectors = np.linalg.eig(self.mean)
+            # Of rates what orders and pairs them: multipliers themselves may be below all doubles.
+            values = np.exp(values.real / np.abs(values.real).max() - 2 + 1j * np.sign(values.imag))
         order = np.argsort(-np.abs(values), kind="stable")
         values, vectors = values[order], vectors[:, order]
         pairs = values.imag > REAL * np.abs(values)
@@ -106,7 +164,7 @@ class Maker:
         except np.linalg.LinAlgError:
             return columns
         size = np.zeros((len(pairs), len(pairs)))
-        np.add.at(size, (owner[:, None], owner), np.einsum("s,sij->ij", self.fractions, inner**2))
+        np.add.at(size, (owner[:, None], owner), np.tensordot(self.share, inner**2, 1))
         np.fill_diagonal(size, 0.0)
         length = np.ones(len(pairs))
         for _ in range(BALANCING):

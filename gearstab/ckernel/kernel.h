@@ -7,8 +7,8 @@
 
 #include <stdint.h>
 
-/* Whether the call is to return early, see module/stopping.c. Asked at least every few milliseconds of work; after a yes
-   results are not looked at. */
+/* Whether the call is to return early, see module/stopping.c. Asked at least every millisecond or so of work, as
+   it looks at the clock once in a while only; after a yes results are not looked at. */
 int gearstab_stopped(void);
 
 #define FEW_COORDINATES 12 /* up to so many a period takes milliseconds, even of thousands of segments */

@@ -59,7 +59,7 @@ INLINE int any(mask m) {
     return ANY(m);
 #else
     int64_t found = 0;
-    for (int i = 0; i < LANES; i++)
+    UNROLLED for (int i = 0; i < LANES; i++)
         found |= m[i];
     return found != 0;
 #endif
@@ -75,7 +75,7 @@ INLINE vec exponent_of(vec a) {
 }
 
 INLINE vec root(vec a) {
-    for (int i = 0; i < LANES; i++)
+    UNROLLED for (int i = 0; i < LANES; i++)
         a[i] = sqrt(a[i]);
     return a;
 }

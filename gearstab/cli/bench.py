@@ -35,7 +35,8 @@ def command(
     """Compare speed and true error of the methods on the base system of CONFIG.
 
     The reference is computed in high precision at points spread over the mesh frequencies of CONFIG. Prints a table,
-    writes a result file and draws the work-precision diagram beside it.
+    writes a result file and draws the work-precision diagram beside it. Of a system with matrices that act with a speed
+    of rotation it prints what a point costs, and writes nothing.
     """
     from gearstab.config import load
     from gearstab.results.output import prepare
@@ -44,6 +45,12 @@ def command(
     _guard(config, target, not no_plot)
     loaded = load(config, overrides)
     scene = _scene(loaded)
+    if loaded.system.build().rotations:
+        from gearstab.bench.turning import turning_costs
+
+        for cost in turning_costs(loaded.system.build(), scene.start, scene.stop):
+            say(cost.text())
+        return
     prepare(target)
     from gearstab.bench import measure
     from gearstab.bench.output import bench_group, table
@@ -95,12 +102,15 @@ def _scene(loaded: Config) -> Scene:
         )
     values = [float(value) for value in axis.values]
     system = loaded.system.build()
-    if refused := unsupported(system, {Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING}):
+    takes = {Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING}
+    if system.rotations and system.piecewise_constant:
+        takes = {Feature.ROTATION, Feature.UNSYMMETRIC_DAMPING}
+    if refused := unsupported(system, takes):
         apart = (i for i, mesh in enumerate(system.meshes) if isinstance(mesh.frequency_ratio, float))
         places: list[tuple[str | int, ...]] = [("meshes", i, "frequency_ratio") for i in apart]
         places += [("formulation",)] if system.formulations else [()]
         raise ConfigError([loaded.problem(("system", *places[0]), "needs_other", f"bench: {refused[0]}", refused[1])])
-    return Scene(without_rigid_modes(system), min(values), max(values))
+    return Scene(system if system.rotations else without_rigid_modes(system), min(values), max(values))
 
 
 def _draw(target: Path, quiet: bool) -> None:

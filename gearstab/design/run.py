@@ -21,7 +21,8 @@ def check(config: Config) -> None:
 
     if config.design is None:
         return
-    system = config.system.build()
+    system, train = config.system.build(), config.system.train()
+    relieved = train is not None and any(mesh.teeth.relieved for mesh in train.meshes)
     asked: list[tuple[tuple[str, ...], str]] = []
     asked += [(("design", "minimise"), name) for weights in config.design.objectives for name in weights]
     asked += [(("design", "constraints", limit.name), limit.name) for limit in config.design.limits if not limit.paths]
@@ -33,11 +34,17 @@ def check(config: Config) -> None:
             found.append(
                 config.problem(path, "needs_other", "nothing drives the system, which load_factor needs", "give a load")
             )
-        elif name == "root_stress" and (config.system.train() is None or system.load is None):
+        elif name == "root_stress" and (train is None or system.load is None):
             message = "root_stress needs the teeth of a gearbox and a torque"
             found.append(
                 config.problem(path, "needs_other", message, "describe the gears in a gearbox and give input.torque")
             )
+        elif name == "root_stress" and relieved:
+            message = "root_stress does not know how teeth with relief share the load"
+            found.append(config.problem(path, "needs_other", message, "remove the relief, or minimise something else"))
+        elif name == "transmission_error" and not relieved:
+            message = "transmission_error needs a mesh with relief"
+            found.append(config.problem(path, "needs_other", message, "give a mesh of a gearbox relief"))
     if found:
         raise ConfigError(found)
     combinations(DesignProblem(config, config.design))

@@ -25,6 +25,7 @@ import numpy as np
 from gearstab.gears.geometry import Gear
 from gearstab.gears.pair import Pair
 from gearstab.gears.profile import NODES, ToothProfile, flank, tooth_profile
+from gearstab.gears.rim import foot_compliance
 
 Array = np.ndarray
 
@@ -138,7 +139,7 @@ def tooth_compliance(gear: Gear, roll: Array | float, face_width: float | None =
 
 def _foundation(gear: Gear, theta: float, x: Array, y: Array, beta: Array) -> Array:
     if gear.internal:
-        return np.zeros(np.shape(x))
+        return _rim(gear, theta, x, y, beta)
     h = (
         min(max(gear.root_radius / gear.bore, FOUNDATION_RANGE[0]), FOUNDATION_RANGE[1])
         if gear.bore
@@ -148,6 +149,17 @@ def _foundation(gear: Gear, theta: float, x: Array, y: Array, beta: Array) -> Ar
     big_l, big_m, big_p, big_q = FOUNDATION @ terms
     u = (y - x * np.tan(beta) - gear.root_radius) / (2 * gear.root_radius * theta)
     return np.cos(beta) ** 2 / gear.young * (big_l * u**2 + big_m * u + big_p * (1 + big_q * np.tan(beta) ** 2))
+
+
+def _rim(gear: Gear, theta: float, x: Array, y: Array, beta: Array) -> Array:
+    """Deflection of the rim of an internal gear, clamped at its given outer radius; rigid without one."""
+    if gear.bore_radius is None:
+        return np.zeros(np.shape(x))
+    foot = foot_compliance(gear.root_radius, gear.bore_radius, theta, gear.poisson)
+    tangent = np.tan(beta)
+    u = (gear.root_radius - y - x * tangent) / (2 * gear.root_radius * theta)
+    inner = foot.bending * u**2 + foot.coupling * u + foot.shear + foot.normal * tangent**2
+    return np.cos(beta) ** 2 / gear.young * inner
 
 
 def contact_compliance(pair: Pair) -> float:

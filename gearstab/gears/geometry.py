@@ -60,7 +60,8 @@ class Gear:
         c/(1 - sin alpha) with c = dedendum - addendum, or a full rounding where that is smaller. A circle of this
         radius rounds the tip in the transverse section too. An internal gear has sharp roots.
     tip_shortening: in modules, taken off the tip.
-    bore_radius: metres; of an internal gear, the outside of its rim. None: 0.4 root radii (internal: 1.2).
+    bore_radius: metres, where the body is held; of an internal gear, the outside of its rim. None: 0.4 root radii, and
+        a rigid rim of an internal gear, whose body ends at 1.2.
     young, poisson, density: of the material; steel.
 
     Raises NotPossible for what can be no gear.

@@ -98,6 +98,16 @@ class MeshStiffness:
         """
         return averaged(self.transverse, self.pair.overlap_ratio)
 
+    @property
+    def contact_ratio(self) -> float:
+        """Mean number of pairs in contact in the transverse section."""
+        return self.pair.contact_ratio
+
+    @property
+    def start(self) -> float:
+        """The phase at which its rectangular wave begins."""
+        return 0.0
+
     @cached_property
     def waveform(self) -> Tooth:
         """w with k = mean [1 + 2 epsilon w]."""
@@ -144,7 +154,7 @@ class MeshStiffness:
         Raises NotPossible where no such wave of positive stiffness exists: the first harmonic close to an integer
         contact ratio, where the computed wave has one from its rounded flanks and the rectangular one has hardly any.
         """
-        c = self.pair.contact_ratio
+        c = self.contact_ratio
         d = float(stiff_fraction(c))
         epsilon = float(np.subtract(*self.transverse.extremes[::-1])) / (2 * self.mean)
         if keep == "first harmonic":
@@ -172,7 +182,7 @@ def contact_stiffness(pair: Pair, x: Array | float, model: StiffnessModel = PLAI
     the share of the load of a pair of spur teeth.
     """
     s, touching = pair.contacts(x)
-    k = np.where(touching, _single(pair, np.clip(s, *pair.path), model), 0.0)
+    k = np.where(touching, single_stiffness(pair, np.clip(s, *pair.path), model), 0.0)
     k = k * model.shared(np.sum(touching, axis=-1, keepdims=True))
     if model.variation is None:
         return s, k
@@ -186,7 +196,8 @@ def _unstretched(model: StiffnessModel) -> StiffnessModel:
     return StiffnessModel(model.double_contact_factor, model.single_pair_stiffness, None, model.foundation)
 
 
-def _single(pair: Pair, s: Array, model: StiffnessModel) -> Array:
+def single_stiffness(pair: Pair, s: Array, model: StiffnessModel) -> Array:
+    """Return the stiffness of a pair of teeth by itself that touches at s, N/m, of the shape of s."""
     measured = model.single_pair_stiffness
     if pair.wheel.internal and measured is not None:
         return np.full(s.shape, measured)

@@ -22,6 +22,9 @@ LEAST_TOP_LAND = 0.3  # modules: Dudley 1962, Gear Handbook, for hardened teeth
 LEAST_CLEARANCE = 0.1  # modules, between a tip and the root of its mate
 ROUNDING = 1e-9  # relative to the module: below it a limit counts as met
 
+CENTRE = 'change centre_distance, with its unit ("160 mm"), or the teeth'
+"""What to do about gears at a wrong distance."""
+
 
 @dataclass(frozen=True)
 class Notice:
@@ -68,15 +71,17 @@ class Pair:
         if wrong := _helices(one, two):
             raise NotPossible(*wrong)
         if abs(one.base_pitch / two.base_pitch - 1) > 1e-9:
-            raise NotPossible(f"the base pitches differ: {one.base_pitch:.6g} m and {two.base_pitch:.6g} m")
+            pitches = " and ".join(f"{gear.base_pitch:.6g} m of {gear.teeth} teeth" for gear in (one, two))
+            raise NotPossible(f"the base pitches differ: {pitches}", "give both gears one module and pressure angle")
         if two.internal and two.teeth <= one.teeth:
             raise NotPossible(f"an internal gear needs more teeth than its pinion, not {two.teeth} with {one.teeth}")
         if self.centre_distance is not None and not self.centre_distance > self._bases:
             raise NotPossible(
-                f"centre_distance {self.centre_distance:.6g} m must exceed {self._bases:.6g} m, base to base"
+                f"centre_distance {self.centre_distance:.6g} m must exceed {self._bases:.6g} m, base to base",
+                CENTRE,
             )
         if not self.path[1] > self.path[0]:
-            raise NotPossible(f"the teeth do not reach each other at the centre distance {self.centre:.6g} m")
+            raise NotPossible(f"the teeth do not reach each other at the centre distance {self.centre:.6g} m", CENTRE)
 
     @property
     def _bases(self) -> float:

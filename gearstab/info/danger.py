@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from gearstab.info.tables import table
+from gearstab.info.tables import label_text, meshes_text, table
 from gearstab.perturbation.tongues import SELF_EXCITED
 from gearstab.support import ANY_LINEAR, unsupported
 
@@ -315,7 +315,7 @@ def text(found: dict[str, Any], unstable: bool = False) -> str:
     within = "" if found["range"] is None else " from {:.6g} to {:.6g}".format(*found["range"])
     where = f"{found['axis']}{within} {unit}".strip()
     if found["refused"]:
-        return f"Dangerous speeds: {where}: not listed, as first-order theory {found['refused']}; sweep floquet."
+        return f"Dangerous speeds: {where}: not listed, as first-order theory {found['refused']}; sweep boundaries."
     lines = [f"Dangerous speeds: {where} ({_how(found)})", ""]
     if unstable:
         lines.append("The mean system grows by itself, see above: remedies of parametric instability are not tried.")
@@ -359,12 +359,13 @@ def _how(found: dict[str, Any]) -> str:
 
 def _row(region: dict[str, Any], scale: float) -> list[str]:
     edges, share = region["boundary_frequency"], region["share_of_range"]
-    mesh = region["mesh"] if region["mesh"].count("+") < 2 else "several"
+    mesh = meshes_text(region["mesh"].split("+"))
+    mesh = mesh if mesh.count(",") < 2 else "several"
     growth = f"{region['growth_rate']:.4g}"
     ends = [f"{edge / scale:.6g}" for edge in edges]
     if region["endless"]:
         ends = ["(no end)", "(no end)"]
-    return [region["label"], mesh, *ends, "-" if share is None else f"{100 * share:.2f} %", growth]
+    return [label_text(region["label"]), mesh, *ends, "-" if share is None else f"{100 * share:.2f} %", growth]
 
 
 def _contact_ratios(closed: dict[str, Any]) -> str:
@@ -405,4 +406,4 @@ CLOSED_BY: dict[str, Callable[[dict[str, Any]], str]] = {
 def _next(region: dict[str, Any], scale: float, unit: str) -> str:
     where = f"{region['center_frequency'] / scale:.6g} {unit}".strip()
     opens = f"opens, to first order, at epsilon x {region['threshold']:.3g} or with a damping ratio below"
-    return f"{region['label']} at {where} {opens} {region['closed_by']['damping_ratio']:.3g}."
+    return f"{label_text(region['label'])} at {where} {opens} {region['closed_by']['damping_ratio']:.3g}."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gearstab.info.tables import table
+from gearstab.info.tables import meshes_text, table
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -96,7 +96,10 @@ def text(period: dict[str, Any] | None) -> str:
     """A common period in a line."""
     if period is None:
         return "none: a mesh frequency has an irrational ratio"
-    cycles = ", ".join(f"{count} of {name}" for name, count in period["mesh_cycles"].items())
+    alike: dict[int, list[str]] = {}
+    for name, count in period["mesh_cycles"].items():
+        alike.setdefault(count, []).append(name)
+    cycles = ", ".join(f"{count} of {meshes_text(names)}" for count, names in alike.items())
     segments, count = period["segments"], period["distinct_stiffness_states"]
     states = "" if count is None else f", {count} distinct stiffness states"
     parts = "not piecewise constant" if segments is None else f"{segments} segments{states}"

@@ -61,10 +61,11 @@ def _certificates(stored: xr.DataTree) -> str:
     """What of the range has certificates, "" without any."""
     from gearstab.certificates.shares import said
 
-    if "boundaries" not in stored.children or "uncertified_width" not in stored["boundaries"].data_vars:
+    names = ("certified_share", "uncertified_width", "uncertified_at_boundary")
+    if "boundaries" not in stored.children or not {*names} <= {*stored["boundaries"].data_vars}:
         return ""
     found = stored["boundaries"].to_dataset()
-    return said(found["certified_share"].values, found["uncertified_width"].values)
+    return said(*(found[name].values for name in names))
 
 
 def _group(name: str, dataset: xr.Dataset) -> dict[str, Any]:

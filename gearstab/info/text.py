@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from gearstab.info import danger, periods, rotations, train
-from gearstab.info.tables import table
+from gearstab.info.tables import label_text, meshes_text, table
 from gearstab.info.units import over
 
 FEW_MESHES = 4
@@ -242,7 +242,7 @@ def _tongue_table(facts: dict[str, Any], every: bool) -> str:
     rows = []
     for tongue in facts["tongues"]:
         mesh = "all" if tongue["mesh"] == whole and len(facts["meshes"]) > FEW_MESHES else tongue["mesh"]
-        row = [tongue["label"], tongue["kind"], mesh]
+        row = [label_text(tongue["label"]), tongue["kind"], meshes_text(mesh.split("+"))]
         row += [" ".join(map(str, types)) or "-" for types in tongue["types"]] if rule else []
         numbers = [tongue["center_frequency"], tongue["half_width"], *tongue["boundary_frequency"]]
         numbers += tongue["boundary_error"][:1] if second else []

@@ -38,7 +38,7 @@ def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
     train = config.system.train()
     if train is None:
         return None
-    from gearstab.systems.gearbox.build import torques
+    from gearstab.systems.gearbox.loads import torques
 
     loaded = system.load is not None
     forces = np.abs(static_mesh_force(system)) if loaded else np.full(len(system.whole_meshes), np.nan)
@@ -134,9 +134,29 @@ def _mesh(train: Train, mesh: TrainMesh, force: float | None, speed: float | Non
         "centre_distance": pair.centre,
         "pressure_angle": math.degrees(pair.pressure_angle),
         "contact_ratio": pair.contact_ratio,
+        "overlap_ratio": pair.overlap_ratio,
+        "total_contact_ratio": pair.total_contact_ratio,
+        "helix_angle": abs(math.degrees(pair.pinion.helix_angle)),
         "force": force,
+        "axial_force": None if force is None else float(train.thrust(mesh)) * force,
         "velocity": None if speed is None else rolling * float(speed),
+        "relief": _relief(mesh),
         "notices": [_notice(notice, parts) for notice in pair.notices],
+    }
+
+
+def _relief(mesh: TrainMesh) -> dict[str, float] | None:
+    """What the load makes of teeth with relief; None of others."""
+    if not mesh.teeth.relieved:
+        return None
+    (found, *_) = mesh.teeth.loaded
+    return {
+        "force": found.force,
+        "mean_transmission_error": found.mean_error,
+        "transmission_error_peak_to_peak": found.peak_to_peak,
+        "contact_ratio": found.contact_ratio,
+        "tangent_stiffness": found.mean,
+        "secant_stiffness": found.secant,
     }
 
 
@@ -213,7 +233,7 @@ def _branch(
 def _through(mesh: dict[str, Any]) -> str:
     numbers = [f"{mesh['teeth'][0]}/{mesh['teeth'][1]}"]
     numbers += [] if mesh["force"] is None else [f"{mesh['force']:.1f} N"]
-    numbers += [] if mesh["velocity"] is None else [f"{mesh['velocity']:.3g} m/s", f"{mesh['frequency']:.5g} Hz"]
+    numbers += [] if mesh["velocity"] is None else [f"{mesh['velocity']:.3g} m/s", _frequency(mesh["frequency"])]
     return f"mesh {mesh['name']}, {', '.join(numbers)}"
 
 
@@ -222,8 +242,12 @@ def _around(item: dict[str, Any], mesh: dict[str, Any], speed: float | None) -> 
     z = item["teeth"]
     numbers = [f"{z['sun']}/{z['planet']}/{z['ring']}, {item['planets']} planets"]
     numbers.append(f"planets {_speed(item['planet_speed_ratio'], speed)}")
-    numbers.append(f"{mesh['order']} cycles a turn of the input" if speed is None else f"{mesh['frequency']:.5g} Hz")
+    numbers.append(f"{mesh['order']} cycles a turn of the input" if speed is None else _frequency(mesh["frequency"]))
     return f"set {item['name']}, {', '.join(numbers)}"
+
+
+def _frequency(hertz: float) -> str:
+    return f"{hertz:.5g} Hz ({60 * hertz:.5g} rpm)"
 
 
 def _speed(ratio: str, speed: float | None) -> str:
@@ -247,6 +271,7 @@ def teeth(found: dict[str, Any]) -> str:
     """The teeth of all meshes, and what a designer should know of them."""
     header = ["mesh", "driver", "driven", "teeth", "centre distance (mm)", "pressure angle (deg)", "contact ratio"]
     header += ["static force (N)", "velocity (m/s)"]
+    helical = [m for m in _different(found) if m["helix_angle"]]
     rows = [
         [m["name"], *m["gears"], "/".join(map(str, m["teeth"])), f"{1e3 * m['centre_distance']:.4f}",
          f"{m['pressure_angle']:.4f}", f"{m['contact_ratio']:.4f}",
@@ -254,11 +279,31 @@ def teeth(found: dict[str, Any]) -> str:
         for m in _different(found)
     ]  # fmt: skip
     lines = [table(header, rows)]
+    for m in helical:
+        text = f"mesh {m['name']}: helical, {m['helix_angle']:.6g} deg; total contact ratio "
+        text += f"{m['total_contact_ratio']:.4f} = {m['contact_ratio']:.4f} + overlap ratio {m['overlap_ratio']:.4f}"
+        if m["axial_force"] is not None:
+            text += (
+                f"; axial force {m['axial_force']:.1f} N along z on {m['gears'][0]}, the opposite on {m['gears'][1]}"
+            )
+        lines.append(text)
     for item in found["sets"]:
         lines.append(_told(item))
+    lines += [_loaded(m) for m in _different(found) if m["relief"] is not None]
     for m in _different(found):
         lines += [f"warning: mesh {m['name']}, {n['gear'] or 'both gears'}: {n['text']}" for n in m["notices"]]
     return "\n".join(lines)
+
+
+def _loaded(mesh: dict[str, Any]) -> str:
+    """The static transmission error and the stiffness of teeth with relief."""
+    r = mesh["relief"]
+    return (
+        f"relief of {mesh['name']} under {r['force']:.1f} N: static transmission error "
+        f"{1e6 * r['mean_transmission_error']:.4g} um in the mean, {1e6 * r['transmission_error_peak_to_peak']:.4g} um "
+        f"peak to peak, effective contact ratio {r['contact_ratio']:.4f}; stability and response have the tangent "
+        f"stiffness, {r['tangent_stiffness']:.4g} N/m in the mean, not the secant {r['secant_stiffness']:.4g} N/m"
+    )
 
 
 def _different(found: dict[str, Any]) -> list[dict[str, Any]]:
@@ -292,9 +337,9 @@ def modes(facts: dict[str, Any]) -> str:
     header += [f"energy {name}" for name in names]
     rows = []
     for mode, share in zip(facts["modes"], facts["train"]["energy_share"], strict=True):
-        damping, frequency = mode["damping_ratio"], mode["natural_frequency"]
+        ratio, frequency = mode["damping_ratio"], mode["natural_frequency"]
         row = [str(mode["mode"]), f"{frequency:.6g}", *([f"{frequency * hertz:.5g}"] if hertz else []), mode["type"]]
-        row.append("-" if damping is None else f"{damping:.4g}" if not isinstance(damping, str) else damping)
+        row.append("-" if ratio is None else f"{ratio:.4g}" if not isinstance(ratio, str) else ratio)
         shares = [*(mode["mesh_energy_share"][name] for name in names), share["shafts"], share["supports"]]
         rows.append(row + ["-" if part is None else f"{100 * part:.1f} %" for part in shares])
     return table([*header, "shafts", "supports"], rows)

@@ -85,15 +85,15 @@ class BoundaryAnalysis(TongueMethod, Restricted):
             "sampled_step": found.sampled_step, "coarse": found.coarse,
         }  # fmt: skip
         if self.options.certificate:
-            values |= self._certified(found)
+            values |= self._certified(found, edges.boundary_frequency)
         if self.options.modes is None:
             return Outcome(values, edges.index)
         return Outcome(values, tuple((_named(tongue, self.options.modes), k) for tongue, k in edges.index))
 
-    def _certified(self, found: Boundaries) -> dict[str, Array]:
+    def _certified(self, found: Boundaries, arranged: Array) -> dict[str, Array]:
         """The variables of certificates."""
         from gearstab.certificates.covering import certificates, states
-        from gearstab.certificates.shares import union_length
+        from gearstab.certificates.shares import around_edges, union_length
         from gearstab.certificates.stored import packed
 
         m, (start, stop) = states(self.system), found.limits
@@ -108,6 +108,9 @@ class BoundaryAnalysis(TongueMethod, Restricted):
         return {
             "certificate_frequency": frequency, "certificate": numbers,
             "certified_share": covered[:, 0] / (stop - start), "uncertified_width": covered[:, 1],
+            "uncertified_at_boundary": np.stack(
+                [around_edges(arranged[..., row], ends, start, stop) for row, (ends, _) in enumerate(rows)], axis=-1
+            ),
         }  # fmt: skip
 
     @staticmethod
@@ -120,6 +123,8 @@ class BoundaryAnalysis(TongueMethod, Restricted):
         self.check_modes()
         if self.options.certificate:
             check_certificate(self, "" if self.options.modes is None else "modes")
+            no_form = dict.fromkeys((Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION), "remove it")
+            self.require({Feature.PERIODIC_TERMS}, no_form, ("certificate",))
 
     def report(self) -> Mapping[str, Any]:
         """Return what of the system was solved."""

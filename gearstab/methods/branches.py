@@ -51,7 +51,7 @@ class BranchesOptions(Section):
     switch: Flag = Field(
         default=False,
         title="switch",
-        description="Whether branches that leave at period doublings are followed too.",
+        description="Whether branches that leave at period doublings and branch points are followed too.",
     )
     points: Annotated[int, Field(ge=10, le=100_000), Whole] = Field(
         default=1000, title="points", description="Motions of all branches of a system together, at most."
@@ -115,7 +115,7 @@ class BranchAnalysis(Method):
         return options
 
     def variables(self) -> tuple[Variable, ...]:
-        from gearstab.response.branches.solve import BRANCH_FLAGS
+        from gearstab.response.branches.motions import BRANCH_FLAGS
 
         return flagged(BRANCHES, BRANCH_FLAGS)
 

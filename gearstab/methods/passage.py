@@ -17,7 +17,7 @@ from gearstab.config.model.fields import Flag, Quantity, Section, wrong
 from gearstab.config.model.validation import validate
 from gearstab.methods.base import RANGE, Key, Method, Outcome, Tolerance, WidthFloor
 from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, flagged
-from gearstab.system import Array
+from gearstab.system import Array, Feature
 
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
@@ -139,6 +139,7 @@ class Passage(Method):
     reused = True
     Options = PassageOptions
     frequency = RANGE
+    supports = frozenset({Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION})
     relief = "narrow the range of mesh_frequency, pass it faster, or follow the exact motion alone (regions: false)"
     flag_notes: ClassVar[Mapping[str, str]] = {
         "sampled": "regions of {points} are looked for by samples where multipliers meet: neither proved nor counted",

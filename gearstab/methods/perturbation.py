@@ -61,7 +61,11 @@ class TonguePerturbation(TongueMethod):
 
     def cost(self) -> float:
         # Differences besides sums, and both directions of every coupling.
-        return 4.0 * self.system.size**2 * self.options.harmonics * (4 if self.system.terms else 1)
+        own = 4.0 * self.system.size**2 * self.options.harmonics * (4 if self.system.terms else 1)
+        if not self.system.features & {Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION}:
+            return own
+        # Natural frequencies at hundreds of speeds, and some ten more for each root.
+        return (600 + 10 * own) * (2.0 * self.system.size) ** 3 / 100
 
     def outcome(self, found: Tongues) -> Outcome:
         """Return the results as variables."""
@@ -74,7 +78,7 @@ class Perturbation(TonguePerturbation):
 
     name = "perturbation"
     Options = PerturbationOptions
-    supports = ANY_LINEAR
+    supports = ANY_LINEAR | {Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION}
 
     @property
     def fewest(self) -> int:
@@ -109,7 +113,8 @@ class Perturbation(TonguePerturbation):
         if self.options.order > 1:
             from gearstab.perturbation.second_order import SUPPORTS
 
-            remedies = {Feature.PERIODIC_TERMS: "choose order: 1, which takes these too"}
+            further = (Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION)
+            remedies = dict.fromkeys(further, "choose order: 1, which takes these too")
             self.require(SUPPORTS, remedies, ("order",))
 
     @staticmethod

@@ -14,9 +14,10 @@ from gearstab.config.document.tree import mapping
 from gearstab.config.model.fields import AnyNumber, Flag, Quantity, Section, Whole, wrong
 from gearstab.floquet.stability import STATUS_FLAGS
 from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, UncertainSpeed, flat
+from gearstab.methods.boundaries import BoundaryAnalysis
 from gearstab.methods.floquet import Floquet, FloquetOptions
 from gearstab.results.variables import PROBABILITY, SOBOL, Variable, flagged
-from gearstab.system import Array, Feature, GearSystem
+from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.tolerance.design import SamplingDesign
@@ -130,6 +131,7 @@ class ToleranceAnalysis(SampledMethod):
     name = "tolerance"
     reused = True
     Options = ToleranceOptions
+    supports = Floquet.supports
     flag_notes: ClassVar[Mapping[str, str]] = {
         "negative_stiffness": "some samples have a mesh whose softer level is not positive at {points}",
         "failed": "some samples could not be computed at {points}; the interval counts them as either",
@@ -249,7 +251,7 @@ class ToleranceAnalysis(SampledMethod):
     def check(self) -> None:
         self.inner.check()
         if self.integrates:
-            self.require({Feature.PERIODIC_TERMS}, {}, ("integrate_speed",))
+            self.require(BoundaryAnalysis.supports, {}, ("integrate_speed",))
 
     def of(self, system: GearSystem) -> Method:
         """Return the same for other systems; the design goes along."""

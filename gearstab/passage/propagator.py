@@ -104,7 +104,12 @@ class FreeMotion(PhaseEquation):
             lengths = np.where(np.diff(phase) < (1 - 1e-6) * lengths, np.diff(phase), lengths)
             durations = path.durations(phase, lengths) * self.rate
             return phase, self.states.exponentials(self.states.of[self.occupied[inner]], durations)
-        begin, duration, ends = divided(path.moment(phase), self.longest_step(path))
+        moments = path.moment(phase)
+        knots = np.concatenate([moments, path.knots(moments[0], moments[-1])])
+        order = np.argsort(knots, kind="stable")
+        begin, duration, stops = divided(knots[order], self.longest_step(path))
+        ends = stops.copy()
+        ends[stops] = order[1:] < len(moments)
         middle = path.phase_at(begin + 0.5 * duration) / turn
         found = np.empty((last - first, self.form.size, self.form.size))
         segment, whole = 0, np.eye(self.form.size)
@@ -132,14 +137,16 @@ def motion(system: GearSystem) -> FreeMotion:
     return motions(system)[0]
 
 
-def swing(motion: FreeMotion) -> float:
-    """Return by how many e-folds the energy norm changes with the mesh stiffness: 1/2 ln of the largest ratio.
+def swing(motion: FreeMotion, path: Path) -> float:
+    """Return by how many e-folds the energy norm changes with the stiffness: 1/2 ln of the largest ratio.
 
-    Of the eigenvalues of the stiffness matrices of all moments, relative to that of the mean mesh stiffness.
+    Of the eigenvalues of the stiffness matrices of all moments and both ends of the path's range, relative to that of
+    the mean mesh stiffness at rest.
     """
     edges, more = motion.borders, PROBES[:0] if motion.drive.exact else PROBES
     part = np.unique(np.concatenate([0.5 * (edges[1:] + edges[:-1]), more]))
-    generator = motion.generators(motion.along(part), 0.0)
+    speed = np.repeat(path.range, len(part))
+    generator = motion.generators(motion.along(np.tile(part, 2)), speed)
     # The state is (w u, u', b'), and (w u)' = w u'.
     count = motion.form.elastic
     weight = np.diagonal(generator[0, :count, count : 2 * count])

@@ -73,7 +73,7 @@ def passage(
             _dwelling(values, row, over[row], of_region)
         for k, path in enumerate(paths):
             if regions:
-                _adiabatic(values, row, k, gains(over[row], path), of_region, swing(motion))
+                _adiabatic(values, row, k, gains(over[row], path), of_region, swing(motion, path))
             if motion.segments(path) > MOST:
                 values["status"][row, k] |= STATUS_FLAGS["too_long"]
                 continue
@@ -105,7 +105,7 @@ def _slowest(motion: FreeMotion, ramp: Path, amplification: float, start: float)
     from scipy.optimize import brentq
 
     if start <= 0:
-        return 0.0 if swing(motion) < np.log(amplification) else np.nan
+        return 0.0 if swing(motion, ramp) < np.log(amplification) else np.nan
     rate, (low, high) = float(ramp.rate[0]), ramp.range
 
     @cache

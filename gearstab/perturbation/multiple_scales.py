@@ -11,10 +11,11 @@ from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation.damped import group_pair, product_pair, single_pair
 from gearstab.perturbation.modal_terms import ModalTerms, modal_terms
 from gearstab.perturbation.modal_terms import harmonics as harmonics_of_terms
-from gearstab.perturbation.tongues import ParametricExcitation, Tongues, excitations, self_excited, tongue
+from gearstab.perturbation.tongues import ParametricExcitation, Tongue, Tongues, excitations, self_excited, tongue
 from gearstab.perturbation.unsymmetric import decaying
 from gearstab.perturbation.unsymmetric import groups as unsymmetric_groups
-from gearstab.system import Array, GearSystem
+from gearstab.perturbation.whirling import whirling_rows
+from gearstab.system import Array, Feature, GearSystem
 
 EQUAL_FREQUENCY = 1e-8
 """Natural frequencies that differ by less than this part count as equal. An eigensolver splits a repeated frequency by
@@ -71,6 +72,10 @@ def first_order(
     amplitude equations, and differences of natural frequencies follow in the list after the sums, of every excitation,
     and at its end modes that grow by themselves.
 
+    With matrices that act with a speed of rotation, or damping that is not symmetric, motions are no real modes, and
+    :mod:`gearstab.perturbation.whirling` takes their place: modes are numbered by ascending frequency at the root of
+    each tongue, which are damped frequencies, and no damping is taken as small.
+
     A group of equal frequencies has one tongue, independent of the basis chosen for its modes: the first pair of its
     modes carries it, the other members are NaN. Groups may differ from row to row.
 
@@ -90,6 +95,8 @@ def first_order(
     Source: Lin & Parker 2002, (13)-(18), (26), (27), (30), (31); Parker 2009, (21)-(23), in the form that adds shared
     frequencies and does not depend on the basis of repeated modes.
     """
+    if system.features & {Feature.ROTATION, Feature.UNSYMMETRIC_DAMPING}:
+        return _whirling(system, (*excitations(system, harmonics), *further), modes)
     modal = modal_rows(system)
     if modes is None:
         modes = [int(p) + 1 for p in np.flatnonzero(np.any(modal.frequency != 0, axis=0))]
@@ -119,17 +126,40 @@ def first_order(
                 group = np.array([P])
                 growing[P[0], rows] = decaying(_mean(part, group, _middle(part, group))[0][0])[1]
     index = [tongue(system, force, p, q, difference) for force in forces for p, q, difference in pairs]
-    center, middle, width, threshold = (a.reshape(-1, len(modal.frequency)) for a in (center, middle, width, threshold))
-    alone = [p for p in modes if growing[p - 1].any()]
-    index += [self_excited(system, p) for p in alone]
-    grows = growing[[p - 1 for p in alone]]
+    found = (a.reshape(-1, len(modal.frequency)) for a in (center, middle, width, threshold))
+    return _gathered(system, index, np.stack(list(found)), {p: growing[p - 1] for p in modes if growing[p - 1].any()})
+
+
+def _gathered(system: GearSystem, index: list[Tongue], found: Array, growing: dict[int, Array]) -> Tongues:
+    """Tongues from (root, middle, half-width, threshold) ``(4, tongues, rows)``, and those of modes that grow alone.
+
+    growing: in which rows ``(rows,)``, by the number of the mode.
+    """
+    grows = np.array(list(growing.values()), dtype=bool).reshape(len(growing), found.shape[2])
     nowhere = np.full(grows.shape, np.nan)
-    center, middle = (np.concatenate([a, nowhere]) for a in (center, middle))
-    width = np.concatenate([width, np.where(grows, np.inf, 0.0)])
-    threshold = np.concatenate([threshold, np.where(grows, 0.0, np.inf)])
+    alone = [nowhere, nowhere, np.where(grows, np.inf, 0.0), np.where(grows, 0.0, np.inf)]
+    center, middle, width, threshold = np.concatenate([found, alone], axis=1)
     ends = _boundaries(middle, width, threshold)
     whole = (a.reshape(*a.shape[:-1], *system.batch) for a in (center, width, ends, threshold))
-    return Tongues(tuple(index), *whole)
+    return Tongues((*index, *(self_excited(system, p) for p in growing)), *whole)
+
+
+def _whirling(
+    system: GearSystem, forces: Sequence[ParametricExcitation], modes: Sequence[int] | None = None
+) -> Tongues:
+    """:func:`first_order` of motions that are no real modes."""
+    modes = range(1, system.size + 1) if modes is None else modes
+    pairs = [(p, q, False) for k, p in enumerate(modes) for q in modes[k:]]
+    pairs += [(p, q, True) for p, q, _ in pairs if p != q]
+    wanted = [(force, p, q, difference) for force in forces for p, q, difference in pairs]
+    rows = [row.tongues(wanted) for row in whirling_rows(system)]
+    oscillates, grows = (np.stack([getattr(row, name) for row in rows], axis=1) for name in ("oscillates", "grows"))
+    some = np.asarray(oscillates.any(axis=1))
+    kept = [k for k, (_, p, q, _) in enumerate(wanted) if some[p - 1] and some[q - 1]]
+    names = ("root", "middle", "half_width", "threshold")
+    found = np.stack([np.stack([getattr(row, name)[kept] for row in rows], axis=1) for name in names])
+    index = [tongue(system, *wanted[k]) for k in kept]
+    return _gathered(system, index, found, {p: grows[p - 1] for p in modes if grows[p - 1].any()})
 
 
 def _boundaries(center: Array, width: Array, threshold: Array) -> Array:

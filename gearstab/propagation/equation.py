@@ -71,6 +71,8 @@ class Equation:
     def momentary(self, part: Array, slack: float = ON_A_JUMP) -> tuple[Array, Array]:
         """``(X, meshes)``: mesh stiffnesses and transmission errors of the first row at parts of the common period.
 
+        Forces that the teeth of a mesh exert, over its stiffness, are transmission errors too.
+
         Just after the jump for a part that is on one, or before it by no more than the slack.
         """
         inside = part - np.floor(part)
@@ -79,8 +81,9 @@ class Equation:
         # Just inside, where a function that jumps at an edge still has the value of the interval.
         inner = np.clip(inside, begin + INSIDE * (end - begin), end - INSIDE * (end - begin))
         at = 0.5 * (begin + end) if self.drive.exact else inner
-        stiffness = self.drive.split(self.drive.varying(np.broadcast_to(at, (len(self.edges), len(at))))[0])[0]
-        return stiffness, self.drive.z(part) @ self.drive.errors[0].T
+        varying = self.drive.varying(np.broadcast_to(at, (len(self.edges), len(at))))[0]
+        stiffness, _, others = self.drive.split(varying)
+        return stiffness, self.drive.z(part) @ self.drive.errors[0].T + others @ self.drive.exerted.T / stiffness
 
     def at_speeds(self, at: Array, speed: Array) -> Equation:
         """Return a row for each of the speeds ``(K,)`` that rows ``at`` (K,) have."""

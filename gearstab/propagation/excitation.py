@@ -37,6 +37,7 @@ class Excitation:
     directions: ``(rows, meshes, n)``, g_i;  dampings: ``(rows, meshes)``, c_i.
     others: ``(rows, n, F)``, directions of the forces that are no Fourier series.
     wholes: ``(meshes, meshes)``, of the system, for :func:`gearstab.system.of_wholes`.
+    exerted: ``(meshes, F)``, 1 where the teeth of a mesh exert such a force, else 0.
     """
 
     cycles: float
@@ -51,6 +52,7 @@ class Excitation:
     dampings: Array
     others: Array
     wholes: Array | None
+    exerted: Array
 
     def subset(self, index: Array) -> Excitation:
         """Some of the rows, by position."""
@@ -138,6 +140,7 @@ def excitation(system: GearSystem) -> Excitation:
         others=np.stack([system.flat(force.direction, 1) for force, _ in shaped], axis=-1)
         if shaped else np.zeros((rows, system.size, 0)),
         wholes=system.wholes,
+        exerted=np.array([[float(force.mesh == mesh.name) for force, _ in shaped] for mesh in system.meshes]),
     )  # fmt: skip
 
 

@@ -10,6 +10,11 @@ train as a whole: elastic modes are orthogonal to it).
 
 with speeds of rotation W_k = r_k Omega; those that are held are constant.
 
+Where a speed changes, the Lagrangian W/2 q'^T G^T q of a gyroscopic matrix gives M q'' + W G q' + W'/2 G q: so A gains
+Omega' by_rate. In the coordinates of a turning frame that is the Euler force, m W' x r. Of a rotor that tilts it is so
+for a drive torque that follows half of the tilt; one that follows all of it leaves nothing, a torque about a fixed axis
+twice as much. Circulatory matrices and preloads go with the momentary speed.
+
 The motion that a speed leaves free may change with it: where springs carry centrifugal forces (``preload`` of
 :mod:`gearstab.rotation`) it is v(W) = (1 - a W^2 P) v(0), P the part of these springs in it. Then u are the elastic
 coordinates beside v(W), and u' in the state is that beside v(0): u~' = u' + f(W) D b'. The position of v(W) would be
@@ -25,7 +30,7 @@ import numpy as np
 
 from gearstab.grouping import equal_rows
 from gearstab.modal import mean_modes
-from gearstab.rotation import SpeedTerm, factors
+from gearstab.rotation import SpeedTerm, factor_slopes, factors
 from gearstab.system import Array, GearSystem
 
 UNDAMPED = 1e-11
@@ -162,6 +167,7 @@ class ModalMatrices:
         constant[:, np.arange(n), n + np.arange(n)] = weight
         turning = [(term, placed(term.on_velocity, term.matrix)) for term in self.turning]
         turning += [(term, carried(term.matrix)) for term in self.drift]
+        rates = [0.5 * term.speed_ratio * placed(False, term.matrix) for term in self.turning if term.on_velocity]
         following = [(term, matrix) for term, matrix in turning if not term.held]
         for term, matrix in turning:
             if term.held:
@@ -182,7 +188,9 @@ class ModalMatrices:
             np.stack(np.broadcast_arrays(term.speed_ratio, term.power, term.softening), axis=-1)
             for term, _ in following
         ]
-        return replace(found, by_speed=by_speed, laws=np.stack(laws, axis=1))
+        return replace(
+            found, by_speed=by_speed, laws=np.stack(laws, axis=1), by_rate=sum(rates, np.zeros((len(rows), m, m)))
+        )
 
 
 @dataclass(frozen=True)
@@ -196,7 +204,7 @@ class FirstOrder:
     outlet: ``(r, n, m)``, q from x; speed: ``(r, n, m)``, dq/dt from x.
     undamped_rigid: ``(r, n, k)``, rigid-body modes that nothing holds back, normalised by the mass matrix.
     by_speed: ``(r, S, m, m)``, what goes with the speed; laws: ``(r, S, 3)``, how: W/Omega, power and softening of
-    :class:`gearstab.rotation.SpeedTerm`. None where nothing does.
+    :class:`gearstab.rotation.SpeedTerm`; by_rate: ``(r, m, m)``, what goes with dOmega/dt. None where nothing does.
     """
 
     rows: Array
@@ -209,6 +217,7 @@ class FirstOrder:
     undamped_rigid: Array
     by_speed: Array | None = None
     laws: Array | None = None
+    by_rate: Array | None = None
 
     def subset(self, index: Array) -> FirstOrder:
         """Some of the rows, by position."""
@@ -224,6 +233,13 @@ class FirstOrder:
         """Return a row for each of the speeds ``(K,)`` that rows ``at`` (K,) have, with what goes with it in A."""
         own = self.subset(at)
         return own if own.by_speed is None else replace(own, constant=own._static(speed), by_speed=None, laws=None)
+
+    @property
+    def scaled_laws(self) -> Array | None:
+        """``laws`` of mesh frequencies in units of the rates."""
+        return (
+            None if self.laws is None else self.laws * np.stack([self.rate, *np.ones((2, len(self.rate)))], -1)[:, None]
+        )
 
     @property
     def size(self) -> int:
@@ -253,6 +269,14 @@ class FirstOrder:
         flat = self.parts.reshape(*self.parts.shape[:2], self.size**2)
         varying = np.einsum("...rj,rjk->...rk", values[..., : flat.shape[1]], flat)
         return self._static(speed) + varying.reshape(*varying.shape[:-1], self.size, self.size)
+
+    def speed_slope(self, speed: Array) -> Array:
+        """dA/dOmega ``(..., r, m, m)`` at speeds ``(..., r)``."""
+        if self.by_speed is None or self.laws is None:
+            return np.zeros_like(self.constant)
+        ratio, power, softening = np.moveaxis(self.laws, -1, 0)
+        slope = ratio * factor_slopes(ratio * np.asarray(speed)[..., None], power, softening)
+        return np.asarray(np.einsum("...rs,rsij->...rij", slope, self.by_speed))
 
     def _static(self, speed: Array | float) -> Array:
         """The part of A ``(..., r, m, m)`` that does not vary at speeds ``(..., r)``."""

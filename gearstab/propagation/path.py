@@ -73,6 +73,15 @@ class Path:
         since = time - self.time[k]
         return np.asarray(self.phase[k] + since * (self.mesh_frequency[k] + 0.5 * self.rate[k] * since))
 
+    def rate_at(self, time: Array) -> Array:
+        """Return dOmega/dt."""
+        k = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.rate) - 1)
+        return np.asarray(self.rate[k])
+
+    def knots(self, low: float, high: float) -> Array:
+        """Return the times at which the rate changes between two others."""
+        return self.time[(self.time > low) & (self.time < high)]
+
     def speed_at(self, time: Array) -> Array:
         """Return Omega(t)."""
         return np.interp(time, self.time, self.mesh_frequency)

@@ -80,9 +80,10 @@ class PhaseEquation(Equation):
         """``(X, J)``, what varies at parts of the common period."""
         return self.values(part[:, None])[:, 0]
 
-    def generators(self, values: Array, speed: Array | float) -> Array:
-        """A ``(X, m, m)`` for what varies ``(X, J)`` at speeds ``(X,)``."""
-        return self.form.generator(values[:, None], np.asarray(speed)[..., None])[:, 0]
+    def generators(self, values: Array, speed: Array | float, rate: Array | float = 0.0) -> Array:
+        """A ``(X, m, m)`` for what varies ``(X, J)`` at speeds ``(X,)`` that change at rates ``(X,)``."""
+        own = self.form.generator(values[:, None], np.asarray(speed)[..., None])[:, 0]
+        return own if self.form.by_rate is None else own + np.asarray(rate)[..., None, None] * self.form.by_rate[0]
 
     def push(self, values: Array, part: Array, speed: Array) -> Array:
         """b ``(X, m)`` for what varies ``(X, J)``, at parts of the common period and speeds ``(X,)``."""
@@ -113,7 +114,7 @@ class PhaseEquation(Equation):
             inside = np.clip(turned - np.repeat(np.floor(middle), 3), 0.0, 1.0)
             values = self.along(np.repeat(part[some], 3) if self.drive.exact else inside)
             a, size = np.zeros((len(nodes), m + extra, m + extra)), 1.0
-            a[:, :m, :m] = self.generators(values, speed)
+            a[:, :m, :m] = self.generators(values, speed, path.rate_at(nodes))
             if extra:
                 push = self.push(values, turned, speed)
                 size = np.abs(push).max(initial=1e-300)
@@ -150,7 +151,7 @@ class PhaseEquation(Equation):
             jump = (turn[:, None] + self.borders[:-1]).ravel()
             jump = jump[(jump > low) & (jump < high)]
             moments = path.moment(jump * self.period)
-            knots = np.concatenate([own, np.clip(moments, own[0], own[-1])])
+            knots = np.concatenate([own, np.clip(moments, own[0], own[-1]), path.knots(own[0], own[-1])])
             order = np.argsort(knots, kind="stable")
             knots, sample = knots[order], order < len(own)
             begin, duration, last = divided(knots, longest)

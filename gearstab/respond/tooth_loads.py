@@ -29,6 +29,8 @@ def values(config: Config, wanted: Respond, system: GearSystem, found: Response)
         phase = phases(system, k, found.time, found.mesh_frequency)
         loads.append(tooth_loads(item, phase, found.mesh_force[:, k], float(static[k]), points))
     stress = np.concatenate([load.stress for load in loads], axis=1)
+    known_stress = np.isfinite(stress)
+    largest = np.max(stress, axis=0, initial=0.0, where=known_stress)
     return {
         "contact": positions(points),
         "tooth_load": np.stack([load.load for load in loads], axis=1),
@@ -36,14 +38,14 @@ def values(config: Config, wanted: Respond, system: GearSystem, found: Response)
         "flank": [f"{gear}, mesh {system.meshes[k].name}" for k, item in enumerate(known) for gear in item.in_order],
         "root_stress": stress,
         "static_root_stress": np.concatenate([load.static_stress for load in loads], axis=1),
-        "peak_root_stress": np.max(stress, axis=0, initial=0.0, where=np.isfinite(stress)),
+        "peak_root_stress": np.where(known_stress.any(axis=0), largest, np.nan),
     }
 
 
 def teeth(config: Config) -> list[LoadedTeeth]:
-    """Return those of all meshes, none of a system that is not computed from its teeth."""
+    """Return those of all meshes, none of a system that is not computed from its teeth, or whose teeth have relief."""
     from gearstab.response.measures.tooth_loads import LoadedTeeth
 
     train = config.system.train()
-    meshes = [] if train is None else train.meshes
+    meshes = [] if train is None or any(mesh.teeth.relieved for mesh in train.meshes) else train.meshes
     return [LoadedTeeth(mesh.teeth.pairs[0], mesh.teeth.models[0], mesh.gears) for mesh in meshes]

@@ -19,7 +19,7 @@ NAME = "teeth"
 
 @dataclass(frozen=True)
 class ToothNotices:
-    """Flags of :data:`gearstab.systems.gearbox.notices.NOTICE_FLAGS`.
+    """Flags of :data:`gearstab.systems.gearbox.feasibility.NOTICE_FLAGS`.
 
     axes: those of the grid on which the geometry depends; flags: ``(*axes, mesh)``; meshes: their names.
     """
@@ -33,7 +33,7 @@ def over_grid(config: Config, row_axes: tuple[Axis, ...], base: GearSystem) -> T
     """Look at the teeth of every geometry of the grid; None for systems that are not given by their teeth."""
     if config.system.train() is None:
         return None
-    from gearstab.systems.gearbox.notices import GEOMETRY, notice_flags
+    from gearstab.systems.gearbox.feasibility import GEOMETRY, notice_flags
 
     axes = tuple(axis for axis in row_axes if any(item.path[-1] in GEOMETRY for item in axis.assignments))
     meshes = tuple(mesh.name for mesh in base.whole_meshes)
@@ -49,7 +49,7 @@ def over_grid(config: Config, row_axes: tuple[Axis, ...], base: GearSystem) -> T
 
 def group(found: ToothNotices) -> Group:
     """Return the group of the result."""
-    from gearstab.systems.gearbox.notices import NOTICE_FLAGS
+    from gearstab.systems.gearbox.feasibility import NOTICE_FLAGS
 
     names = tuple(axis.name for axis in found.axes)
     coordinate, notices = flagged(TEETH, NOTICE_FLAGS)

@@ -196,14 +196,16 @@ def _window_means(curve: Piecewise, x: Array, width: float) -> Array:
 
 
 def stacked(curves: Sequence[Piecewise], shape: tuple[int, ...]) -> Piecewise:
-    """One batch of the given shape from single curves, in the order of the batch; empty pieces fill up their number."""
-    pieces, degrees = np.max([np.shape(curve.coefficients) for curve in curves], axis=0)
-    gaps = [((0, pieces - len(curve.edges)), (0, degrees - np.shape(curve.coefficients)[-1])) for curve in curves]
-    padded = [np.pad(curve.coefficients, gap) for curve, gap in zip(curves, gaps, strict=True)]
-    edges = np.stack(
-        [np.pad(curve.edges, gap[0], constant_values=1.0) for curve, gap in zip(curves, gaps, strict=True)]
-    )
-    return Piecewise(edges.reshape(*shape, -1), np.stack(padded).reshape(*shape, edges.shape[-1], degrees))
+    """One batch of the given shape from single curves, in the order of the batch; empty pieces make up for fewer."""
+    degrees = max(np.shape(curve.coefficients)[-1] for curve in curves)
+    pieces = max(len(curve.edges) for curve in curves)
+    edges = [np.pad(curve.edges, (pieces - len(curve.edges), 0)) for curve in curves]
+    padded = [
+        np.pad(curve.coefficients, ((pieces - len(part), 0), (0, degrees - part.shape[-1])))
+        for curve in curves
+        for part in (curve.coefficients,)
+    ]
+    return Piecewise(np.reshape(edges, (*shape, -1)), np.reshape(padded, (*shape, pieces, degrees)))
 
 
 class ToothKeys(Keys):
@@ -220,7 +222,7 @@ class Tooth(OfStiffness):
 
     Phase 0 is the entry of a pair of teeth. A constant stiffness has w = 0.
 
-    contact_ratio: of the teeth, where they are known; None for another periodic stiffness.
+    contact_ratio: of the teeth, in all, where they are known; None for another periodic stiffness.
     """
 
     said: ClassVar[str] = "computed from the teeth of a gearbox"

@@ -10,7 +10,7 @@ import pytest
 import systems
 from click.testing import CliRunner
 
-from gearstab.bench import Scene, measure, reference, work_precision
+from gearstab.bench import Scene, measure, reference, turning, work_precision
 from gearstab.bench.methods import METHODS, Entry
 from gearstab.cli import group
 from gearstab.floquet import solve
@@ -149,6 +149,19 @@ def test_command(tmp_path):
     assert np.all(bench["wrong_flags"].values[np.isnan(bench["tolerance"].values)] == 0)
 
 
+def test_command_says_what_a_point_costs_where_speeds_turn(tmp_path, monkeypatch):
+    monkeypatch.setattr(turning, "POINTS", 64)
+    monkeypatch.setattr(turning, "PRODUCTS", 8)
+    (tmp_path / "rotor.yaml").write_text(TURNING)
+    result = CliRunner().invoke(group, ["bench", str(tmp_path / "rotor.yaml"), "-q"])
+    assert result.exit_code == 0, result.output
+    held, follows = result.output.splitlines()
+    assert held.startswith("speeds held: ")
+    assert follows.startswith("speeds that follow the mesh frequency: ")
+    for line in (held, follows):
+        assert float(line.split()[-1]) < 1e-9, line
+
+
 def test_command_needs_a_mesh_frequency_axis(tmp_path):
     text = CONFIG.replace("mesh_frequency: {start: 0.5, stop: 7.0, num: 50}", "epsilon: [0.1, 0.2]")
     (tmp_path / "train.yaml").write_text(text.replace("floquet: {}", "perturbation: {}"))
@@ -168,13 +181,16 @@ system:
 sweep: {mesh_frequency: {start: 0.5, stop: 7.0, num: 50}}
 methods: {floquet: {}}
 """
-TURNING = '  rotation: {speed_ratio: "1/20", gyroscopic: [[0.0, 0.5], [-0.5, 0.0]]}\n'
+TURNING = ROTOR.replace(
+    "  meshes", '  rotation: {speed_ratio: "1/20", gyroscopic: [[0.0, 0.5], [-0.5, 0.0]]}\n  meshes'
+)
+SMOOTH = TURNING.replace("contact_ratio: 1.5}", "contact_ratio: 1.5, waveform: {kind: trapezoidal, ramp: 0.2}}")
 APART = ROTOR.replace("[1.0, -1.0],", "[1.0, -1.0], frequency_ratio: 0.7123456, exact: false,")
 
 
 @pytest.mark.parametrize(
     ("text", "reason"),
-    [(ROTOR.replace("  meshes", TURNING + "  meshes"), "act with a speed of rotation"), (APART, "irrational ratio")],
+    [(SMOOTH, "act with a speed of rotation"), (APART, "irrational ratio")],
     ids=["rotation", "irrational ratio"],
 )
 def test_command_refuses_what_its_scenes_do_not_hold(tmp_path, text, reason):

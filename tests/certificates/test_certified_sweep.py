@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -81,6 +82,21 @@ def test_info_says_how_much_has_certificates(stored: Path) -> None:
     share = float(line.split()[1])
     assert 99.9 < share < 100
     assert "no part without is wider than" in line
+    assert re.search(r"around 2 edges \S+ to \S+, half of them", line)
+
+
+def test_the_gap_around_every_edge_is_stored(stored: Path) -> None:
+    """At epsilon 0.3 a piece ends on each side of both edges, so far apart; at 0.1 there are none."""
+    with open_result(stored) as tree:
+        found = tree["boundaries"].to_dataset().load()
+    gap, edges = found["uncertified_at_boundary"].values[..., 1], found["boundary_frequency"].values[..., 1]
+    ends = found["certificate_frequency"].values[:, :, 1]
+    assert np.isnan(found["uncertified_at_boundary"].values[..., 0]).all()
+    assert np.isfinite(gap).sum() == 2
+    for width, edge in zip(gap[np.isfinite(gap)], edges[np.isfinite(gap)], strict=True):
+        below, above = np.nanmax(ends[ends <= edge]), np.nanmin(ends[ends >= edge])
+        assert width == pytest.approx((above - below) / edge, rel=1e-12)
+        assert 0 < width < 4e-4
 
 
 def test_a_map_hatches_what_has_certificates(stored: Path) -> None:

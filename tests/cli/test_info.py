@@ -106,7 +106,7 @@ def test_text_names_every_tongue_and_mode(fig3: Path) -> None:
     text = result.stdout
     assert "\x1b" not in text
     assert text.startswith("Instability regions of a three-gear train")
-    for label in ("2w3", "w2+w3", "(w1+w2)/2", "2w1/3", "primary", "secondary", "higher combination", "first+second"):
+    for label in ("2w3", "w2+w3", "(w1+w2)/2", "2w1/3", "primary", "secondary", "higher combination", "first, second"):
         assert re.search(rf"(^|\s){re.escape(label)}(\s|$)", text, re.MULTILINE), label
     assert "2.71172" in text
     assert "not excited to first order" in text

@@ -17,7 +17,7 @@ def committed(root: Path) -> list[str]:
     return (root / "docs" / "reproduction.md").read_text().splitlines()
 
 
-PAPERS = ("lin_parker_2002", "oh_grosh_barber_2005", "kuria_kihiu_2008", "parker_2009")
+PAPERS = ("lin_parker_2002", "oh_grosh_barber_2005", "kuria_kihiu_2008", "parker_2009", "turning_carriers")
 """In the order of the page."""
 
 

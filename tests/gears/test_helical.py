@@ -22,7 +22,7 @@ from gearstab.gears.pair import Pair
 from gearstab.waveforms import Helical, Rectangular
 from gearstab.waveforms.tooth import Piecewise, averaged, stacked
 
-CASES = json.loads((DATA / "reference_helical.json").read_text())["cases"]
+CASES = json.loads((DATA / "teeth" / "reference_helical.json").read_text())["cases"]
 REFERENCE = pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
 OF_INPUTS = {"normal_module": "module", "normal_pressure_angle": "pressure_angle", "rounding": "rack_tip_radius",
              "E": "young", "nu": "poisson", "addendum": "addendum", "dedendum": "dedendum",

@@ -17,7 +17,7 @@ from gearstab.gears.geometry import Gear, involute
 from gearstab.gears.mesh_stiffness import StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
 
-ROWS = json.loads((DATA / "reference_relief_internal_phases.json").read_text())["internal"]
+ROWS = json.loads((DATA / "teeth" / "reference_relief_internal_phases.json").read_text())["internal"]
 RING = Pair(Gear(24, 0.003), Gear(78, 0.003, internal=True))
 
 

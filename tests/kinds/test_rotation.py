@@ -9,24 +9,26 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 import pytest
 from driven import integrated_along, train
+from scipy.integrate import solve_ivp
 
 import gearstab as gs
 from gearstab.config import ConfigError, load
 from gearstab.floquet import solve
-from gearstab.floquet.general.coordinates import elastic_forms
 from gearstab.methods import METHODS, OptionError
+from gearstab.propagation.elastic import elastic_forms
 from gearstab.propagation.path import Path
 from gearstab.response import driven_response, ramp_response, steady_state
 from gearstab.rotation import Rotation
-from gearstab.system import Feature, GearSystem, PeriodicTerm
+from gearstab.system import Feature, GearSystem, Mesh, PeriodicTerm
 from gearstab.systems import build
-from gearstab.waveforms import Constant
+from gearstab.waveforms import Constant, Rectangular
 
 Array = np.ndarray
 DATA = FilePath(__file__).parents[1] / "data" / "rotation"
@@ -227,3 +229,42 @@ def test_a_matrix_that_is_not_symmetric_is_doubted() -> None:
     assert str(doubt).startswith(
         "configuration: system.stiffness.0.1: is not symmetric: entry 0.1 is 0.3, entry 1.0 is 0.2"
     )
+
+
+def test_a_run_up_in_a_turning_frame_is_one_in_the_fixed_frame() -> None:
+    """A body on an isotropic support, damped to the housing, and a mesh that turns with the frame, at a quick ramp.
+
+    With X = R(phi) x, phi' = W: X'' + c X' + k X + k_m(t) R g g^T R^T X = R f, which knows of no force of the frame.
+    """
+    turn, ratio, c, load = np.array([[0.0, -1.0], [1.0, 0.0]]), Fraction(1, 5), 0.05, np.array([0.3, -0.2])
+    mesh = Mesh("mesh", np.array([0.8, 0.6]), np.asarray(1.0), np.asarray(0.3), Rectangular(1.4))
+    rotation = Rotation(ratio, gyroscopic=2 * turn, circulatory=c * turn, centripetal=-np.eye(2))
+    system = GearSystem(np.eye(2), 2 * np.eye(2), (mesh,), c * np.eye(2), load=load, rotations=(rotation,))
+    path = Path.ramp(1.1, 2.6, 0.15)
+    found = ramp_response(system, path, 20)
+    first, slope = path.mesh_frequency[0], path.rate[0]
+
+    def frame(t: float) -> tuple[Array, float]:
+        """R and W."""
+        angle = float(ratio) * (first * t + 0.5 * slope * t**2)
+        return np.cos(angle) * np.eye(2) + np.sin(angle) * turn, float(ratio) * (first + slope * t)
+
+    def rate(t: float, y: Array, stiff: float) -> Array:
+        own, _ = frame(t)
+        g = own @ mesh.direction
+        return np.concatenate([y[2:], own @ load - c * y[2:] - 2 * y[:2] - stiff * g * (g @ y[:2])])
+
+    (own, w), q, v = frame(0.0), found.displacement[0], found.velocity[0]
+    state = np.concatenate([own @ q, own @ (v + w * turn @ q)])
+    jumps = np.sort(np.concatenate([np.arange(200), np.arange(200) + 0.4])) * 2 * np.pi
+    moments = (np.sqrt(first**2 + 2 * slope * jumps) - first) / slope
+    knots = np.unique(np.concatenate([moments[moments < found.time[-1]], found.time]))
+    expected = [q]
+    for a, b in pairwise(knots):
+        phase = path.phase_at(np.array([0.5 * (a + b)]))[0] / (2 * np.pi)
+        stiff = 1.0 + 0.6 * float(mesh.waveform.value(np.asarray(phase)))
+        state = solve_ivp(rate, (a, b), state, "DOP853", args=(stiff,), rtol=1e-12, atol=1e-13).y[:, -1]
+        if np.any(found.time == b):
+            expected.append(frame(b)[0].T @ state[:2])
+    # Magnus steps work to about 1e-9.
+    np.testing.assert_allclose(found.displacement, expected, atol=1e-7)

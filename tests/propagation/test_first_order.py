@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gearstab.floquet.general.coordinates import elastic_forms
+from gearstab.propagation.elastic import elastic_forms
 from gearstab.propagation.first_order import bases
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular

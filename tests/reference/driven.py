@@ -231,6 +231,8 @@ def integrated_along(system: GearSystem, path: Path, times: Array, start: Array)
                 w = float(turn.speed_ratio) * speed
                 damping = damping + w * turn.gyroscopic
                 stiffness = stiffness + w * turn.circulatory + w**2 * turn.centripetal
+                # The Euler force of a turning frame.
+                stiffness = stiffness + 0.5 * float(turn.speed_ratio) * slope * turn.gyroscopic
             y = y.reshape(shape)
             push = force.reshape(n, *(1,) * (len(shape) - 1))
             pull = stiffness @ y[:n] + damping @ y[n:]

@@ -156,15 +156,15 @@ struct scaled {
     int exponent;
 };
 
-static void keep_in_range(struct scaled *of, int count) {
+INLINE void keep_in_range(struct scaled *of, int count) {
     double size = 0.0;
     int exponent;
-    for (int i = 0; i < count; i++)
+    UNROLLED for (int i = 0; i < count; i++)
         size = fabs(of->value[i]) > size ? fabs(of->value[i]) : size;
     if ((size > 0x1p-200 && size < 0x1p200) || size == 0 || !isfinite(size))
         return;
     frexp(size, &exponent);
-    for (int i = 0; i < count; i++)
+    UNROLLED for (int i = 0; i < count; i++)
         of->value[i] = ldexp(of->value[i], -exponent);
     of->exponent += exponent;
 }

@@ -13,7 +13,7 @@ INLINE vec load_part(const double *from, int64_t k, int64_t count) {
     if (k + LANES <= count)
         return load(from + k);
     vec value = all(0.0);
-    for (int i = 0; i < LANES; i++)
+    UNROLLED for (int i = 0; i < LANES; i++)
         value[i] = from[k + i < count ? k + i : count - 1];
     return value;
 }

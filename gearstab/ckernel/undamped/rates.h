@@ -52,25 +52,14 @@ static int keep_doubts(const struct tile *tile, int64_t row, struct points *kept
     return 0;
 }
 
-/* Some rows of a tile, neighbours in the result. */
-static void move_rows(const struct tile *tile, int64_t row, int64_t rows, int64_t place, const struct result *to) {
+/* Some rows of a tile, neighbours in the result: a constant number where this is inlined, so that they are moved together. */
+INLINE void move_rows(const struct tile *tile, int64_t row, int64_t rows, int64_t place, const struct result *to) {
     const double *value = tile->growth + row * tile->points;
     const int8_t *code = tile->verdict + row * tile->points;
     for (int64_t k = 0; k < tile->points; k++) {
         double *growth = to->growth + k * to->rows + place;
         int8_t *stable = to->stable + k * to->rows + place;
-        int64_t r = 0;
-        for (; r + LANES <= rows; r += LANES) { /* one store of neighbours */
-            vec together;
-            bytes codes;
-            UNROLLED for (int64_t lane = 0; lane < LANES; lane++) {
-                together[lane] = value[(r + lane) * tile->points + k];
-                codes[lane] = code[(r + lane) * tile->points + k];
-            }
-            store(growth + r, together);
-            memcpy(stable + r, &codes, sizeof codes);
-        }
-        for (; r < rows; r++) {
+        UNROLLED for (int64_t r = 0; r < rows; r++) {
             growth[r] = value[r * tile->points + k];
             stable[r] = code[r * tile->points + k];
         }
@@ -82,7 +71,15 @@ static void move(const struct tile *tile, const int64_t *place, const struct res
         int64_t together = 1;
         while (together < TOGETHER_IN_PLACE && r + together < tile->rows && place[r + together] == place[r] + together)
             together++;
-        move_rows(tile, r, together, place[r], to);
+        if (together == TOGETHER_IN_PLACE) {
+            move_rows(tile, r, TOGETHER_IN_PLACE, place[r], to);
+        } else if (together >= TOGETHER_IN_PLACE / 2) {
+            together = TOGETHER_IN_PLACE / 2;
+            move_rows(tile, r, TOGETHER_IN_PLACE / 2, place[r], to);
+        } else {
+            together = 1;
+            move_rows(tile, r, 1, place[r], to);
+        }
         r += together;
     }
 }

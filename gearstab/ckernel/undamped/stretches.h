@@ -227,7 +227,7 @@ INLINE double stretch_over(struct stretch *of, const struct part *part, double c
 
 /* LANES periods of a stretch from node i on. */
 INLINE vec periods_of_nodes(const struct stretch *of, const double *table, double half, int64_t i) {
-    vec period;
+    vec period = all(0.0);
     for (int64_t lane = 0; lane < LANES; lane++)
         period[lane] = of->middle + half * node(table, of->nodes, i + lane);
     return period;

@@ -10,6 +10,7 @@ from gearstab.cli.report import contact, facts
 from gearstab.cli.report.facts import ShownSpeeds, State
 from gearstab.cli.report.page import Block, BulletList, Heading, Page, Picture, Table, Text
 from gearstab.errors import NotPossible, UserError
+from gearstab.info.tables import label_text
 from gearstab.results.units import in_brackets
 
 if TYPE_CHECKING:
@@ -88,12 +89,12 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     from dataclasses import replace
 
     from gearstab.design.reasons.tongues import single
-    from gearstab.methods.boundaries import BoundaryAnalysis
     from gearstab.support import unsupported
+    from gearstab.system import Feature
 
     if solution is None:
         system = config.system.build()
-        if refused := unsupported(system, BoundaryAnalysis.supports):
+        if refused := unsupported(system, {Feature.PERIODIC_TERMS}):
             raise NotPossible(f"a report {refused[0]}", refused[1])
         spans = _spans(config)
         return [facts.state_of("given", system, spans, config, facts.curve_speeds(spans))]
@@ -170,7 +171,8 @@ def _verdict(state: State, shown: ShownSpeeds) -> str:
         return f"Unstable: vibration grows by up to {state.growth_rate:.3g} e-folds per {_time(state)}.{searched}"
     if not state.open:
         near = "" if state.outside is None else (
-            f" The nearest region, {state.outside[1]}, is {shown.with_unit(state.outside[0])} away from it."
+            f" The nearest region, {label_text(state.outside[1])}, is "
+            f"{shown.with_unit(state.outside[0])} away from it."
         )  # fmt: skip
         return f"Stable in the whole operating range.{near}{searched}"
     count = len(state.open)
@@ -179,8 +181,8 @@ def _verdict(state: State, shown: ShownSpeeds) -> str:
     required = [item.required for item in state.reaching if item.open]
     enough = f"; a damping ratio of {max(required):.3g} of all modes would suppress it"
     return (
-        f"Unstable: {words}, the widest {widest[2]} from {shown.with_unit(*widest[:2])}. Vibration grows by up to "
-        f"{state.growth_rate:.3g} e-folds per {_time(state)}"
+        f"Unstable: {words}, the widest {label_text(widest[2])} from {shown.with_unit(*widest[:2])}. Vibration grows "
+        f"by up to {state.growth_rate:.3g} e-folds per {_time(state)}"
         f"{enough if required and not isnan(sum(required)) and not state.narrow else ''}.{searched}"
     )
 
@@ -203,7 +205,7 @@ def _regions(state: State, shown: ShownSpeeds) -> Iterator[Block]:
         return
     rows = [
         [
-            item.label, item.kind, ", ".join(dict.fromkeys(map(str, item.modes))),
+            label_text(item.label), item.kind, ", ".join(dict.fromkeys(map(str, item.modes))),
             shown.text(item.lower, item.upper) if item.open else f"around {shown.text(item.middle)}",
             "-" if isnan(item.required) else f"{item.required:.3g}",
             "none" if item.available == 0 else "-" if isnan(item.available) else f"{item.available:.3g}",

@@ -23,6 +23,7 @@ from gearstab.floquet.frequencies.choice import Strategy
 from gearstab.floquet.frequencies.period import AFFORDABLE, common_period
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
+from gearstab.info.tables import label_text
 from gearstab.methods.floquet import Floquet
 from gearstab.modal import modal_damping_ratios
 from gearstab.perturbation import Tongue
@@ -199,12 +200,13 @@ def _certified(config: Config, system: GearSystem, found: Boundaries) -> str:
     if config.methods.boundaries is None or not config.methods.boundaries.certificate:
         return ""
     from gearstab.certificates.covering import certificates
-    from gearstab.certificates.shares import said, union_length
+    from gearstab.certificates.shares import around_edges, said, union_length
 
-    (pieces,) = certificates(system, *found.limits, [found.edges_of(0)])
-    start, stop = found.limits
-    covered, widest = union_length(np.array([(piece.low, piece.high) for piece in pieces]), start, stop)
-    return said(np.array([covered / (stop - start)]), np.array([widest]))
+    (start, stop), edges = found.limits, found.edges_of(0)
+    (pieces,) = certificates(system, start, stop, [edges])
+    ends = np.array([(piece.low, piece.high) for piece in pieces]).reshape(-1, 2)
+    covered, widest = union_length(ends, start, stop)
+    return said(np.array([covered / (stop - start)]), np.array([widest]), around_edges(edges, ends, start, stop))
 
 
 def _touches(lower: float, upper: float, spans: Sequence[Span]) -> bool:
@@ -266,7 +268,8 @@ def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
         },
         {
             "speed": ("speed", speed / shown.scale, {"units": shown.unit or "1", "long_name": shown.name}),
-            "state": [state.word for state in states], "label": ("tongue", [t.split(" & ")[0] for t in labels] or [""]),
+            "state": [state.word for state in states],
+            "label": ("tongue", [label_text(t.split(" & ")[0]) for t in labels] or [""]),
         },
     )  # fmt: skip
     return xr.DataTree.from_dict({"design": data})

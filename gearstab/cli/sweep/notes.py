@@ -75,7 +75,7 @@ def teeth(plan: Plan) -> list[str]:
     """Return one line for each mesh and notice of a gearbox."""
     if plan.teeth is None:
         return []
-    from gearstab.systems.gearbox.notices import NOTICE_FLAGS
+    from gearstab.systems.gearbox.feasibility import NOTICE_FLAGS
 
     over = " x ".join(axis.name for axis in plan.teeth.axes)
     flags = plan.teeth.flags.reshape(-1, len(plan.teeth.meshes))

@@ -6,14 +6,14 @@ CARRIER = "planets on a turning carrier belong to planetary_sets of kind: gearbo
 INSTEAD_OF_CARRIER = "give planetary_sets: [{name, sun, ring, carrier, held, planets: {count, teeth}}] in a gearbox"
 
 HELICAL = (
-    "helical teeth are not modelled yet: all gears are spur gears",
-    "give module and pressure angle of the transverse section, and each mesh its mean_stiffness, epsilon and "
-    "contact_ratio",
+    "helical teeth belong to gears, whose numbers of teeth and modules are known",
+    "give helix_angle, and hand: right or left, to gears or rotors of kind: gearbox, or to gears of kind: planetary",
 )
 BEVEL = ("bevel, hypoid and worm gears are not modelled: axes are parallel", "take kind: matrices")
 MODIFIED = (
-    "modifications of the flanks are not modelled yet: they are involutes",
-    "give the stiffness that they leave as waveform: {kind: sampled, ..}",
+    "profile relief is that of a mesh of kind: gearbox; other modifications of the flanks are not modelled",
+    "give the mesh relief: {tip: {amount: 20 um, length: 2 mm}}, or the stiffness that they leave as waveform: "
+    "{kind: sampled, ..}",
 )
 NOT_MODELLED = {
     **dict.fromkeys(("helix_angle", "helix", "hand", "overlap_ratio"), HELICAL),

@@ -33,10 +33,11 @@ QUANTITIES = {
     "load_factor": _named("1", "largest dynamic load factor of the steady state within the operating range"),
     "tongue_distance": _named("rad/s", "distance from the operating range to the nearest instability region"),
     "root_stress": _named("Pa", "largest static stress at the root of a tooth (ISO 6336-3)"),
+    "transmission_error": _named("m", "peak-to-peak static transmission errors of teeth with relief, summed up"),
 }
 """By the name that a configuration uses."""
 
-OBJECTIVES = ("instability_width", "growth_rate", "required_damping", "load_factor", "root_stress")
+OBJECTIVES = tuple(name for name in QUANTITIES if name != "tongue_distance")
 """Those that can be minimised."""
 
 

@@ -148,7 +148,7 @@ def _impossible(problem: DesignProblem, batch: Batch) -> Array:
             soft = np.broadcast_to(np.asarray(mesh.lowest_stiffness) <= 0, fault.shape)
             fault = np.where(soft, np.inf, fault)
     if batch.p.get("kind") == "gearbox":
-        from gearstab.systems.gearbox.notices import notice_flags
+        from gearstab.systems.gearbox.feasibility import notice_flags
 
         flags = notice_flags(batch.p).reshape(-1, len(batch.system.whole_meshes))
         allowed = notice_flags(problem.config.system).reshape(len(batch.system.whole_meshes))

@@ -116,6 +116,15 @@ def root_stress(batch: Batch) -> Array:
     return worst
 
 
+def transmission_error(batch: Batch) -> Array:
+    """The sum of the peak-to-peak static transmission errors of all meshes with relief, m, one of each set's alike."""
+    train, total = batch.p.train(), np.zeros(batch.system.batch)
+    meshes = [] if train is None else [mesh.teeth for mesh in train.meshes if mesh.teeth.relieved]
+    for teeth in {id(own): own for own in meshes}.values():
+        total = total + np.reshape([mesh.peak_to_peak for mesh in teeth.loaded], teeth.batch)
+    return np.ravel(total)
+
+
 def _largest(
     batch: Batch,
     regional_of: GearSystem,
@@ -167,7 +176,15 @@ def _within(system: GearSystem, span: Span) -> Array:
 
 EXACT: dict[str, Callable[[Batch], Array]] = {
     function.__name__: function
-    for function in (instability_width, growth_rate, required_damping, load_factor, tongue_distance, root_stress)
+    for function in (
+        instability_width,
+        growth_rate,
+        required_damping,
+        load_factor,
+        tongue_distance,
+        root_stress,
+        transmission_error,
+    )
 }
 """By name, the value of each row; NaN where there is none."""
 
@@ -177,6 +194,7 @@ SUPPORTS = dict.fromkeys(EXACT, REGIONS) | {
     "growth_rate": frozenset({Feature.PERIODIC_TERMS}),
     "load_factor": frozenset({Feature.PERIODIC_TERMS}),
     "root_stress": ANY_LINEAR,
+    "transmission_error": ANY_LINEAR,
 }
 """By name, the features of systems for which a quantity can be computed."""
 

@@ -21,21 +21,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.floquet.boundaries import smooth
+from gearstab.floquet.boundaries.counting.krein import spectrum
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fastest
 from gearstab.floquet.boundaries.gyroscopic import search as gyroscopic
-from gearstab.floquet.boundaries.gyroscopic.canonical import CanonicalPeriods
-from gearstab.floquet.boundaries.gyroscopic.phases import KreinPhases
 from gearstab.floquet.boundaries.parts import Part
-from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms, free_rotations
+from gearstab.floquet.general.canonical import CanonicalPeriods
 from gearstab.floquet.general.solve import SLIVER, varying
 from gearstab.floquet.kernel import c_kernel as kernel
-from gearstab.floquet.kernel.chain import ROUNDING, Chain, Following, linked
+from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
 from gearstab.grouping import equal_rows
+from gearstab.propagation.elastic import ElasticForm, elastic_forms, free_rotations
 from gearstab.propagation.first_order import FirstOrder
 from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
@@ -69,15 +69,13 @@ class PeriodicPart:
     @property
     def hamiltonian(self) -> Array:
         """``(r,)``: which rows are Hamiltonian at all mesh frequencies."""
-        rows, pilots = len(self.rows), len(self.speeds)
-        at = np.repeat(np.arange(rows), pilots), np.tile(self.speeds, rows)
-        return np.asarray(self.canonical(CF6_5, 0).hamiltonian(*at).reshape(rows, pilots).all(axis=1))
+        return self.canonical(CF6_5, 0).hamiltonian(self.speeds / self.part.pattern.elastic.rate[:, None])
 
     def canonical(self, scheme: Scheme, doublings: int) -> CanonicalPeriods:
         """Their common periods, of 2^doublings steps in each interval that is not constant."""
         fractions, values = self.steps(scheme, doublings)
-        following, states = self.following(values)
-        return CanonicalPeriods(self.part.pattern.cycles, fractions, states, following)
+        generator, states = self.generators(values)
+        return CanonicalPeriods(self.part.pattern.cycles, fractions, states, generator, self.rows[0].form.elastic)
 
     def flow(self, scheme: Scheme, doublings: int, rounding: float = ROUNDING) -> Chain:
         """The chain of a common period, of 2^doublings steps in each interval that is not constant."""
@@ -101,34 +99,35 @@ class PeriodicPart:
             fractions.append(kept[:, s, None] * np.tile(durations / count, count))
         return np.concatenate(fractions, axis=1), np.concatenate(values, axis=1)
 
-    def following(self, values: Array) -> tuple[Following, Array]:
-        """The generators of distinct states, and the state ``(S,)`` of each segment; values: ``(r, S, J)``."""
+    def generators(self, values: Array) -> tuple[Generators, Array]:
+        """Those of distinct states, in units of the rates, and the state of each segment; values: ``(r, S, J)``."""
         table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
         _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
-        return Following(FirstOrder.joined([row.form for row in self.rows]), values[:, first]), np.ravel(states)
+        form = FirstOrder.joined([row.form for row in self.rows])
+        # Values of rows run along the second axis from the right there.
+        levels = np.swapaxes(values[:, first], 0, 1)
+        matrix = np.swapaxes(replace(form, by_speed=None).generator(levels), 0, 1)
+        unit = np.stack([form.rate, *np.ones((2, len(form.rate)))], axis=-1)[:, None]
+        laws = None if form.laws is None else form.laws * unit
+        return Generators(matrix, form.by_speed, laws), np.ravel(states)
 
     def _linked(self, fractions: Array, values: Array, rounding: float) -> Chain:
         """values: ``(r, S, J)``, of all functions in each segment."""
-        (following, states), n = self.following(values), self.part.pattern.size
-        rows, pilots = len(self.rows), len(self.speeds)
-        moving = following.form.by_speed is not None
-        each, speed = np.repeat(np.arange(rows), pilots), np.tile(self.speeds, rows)
-        if not moving:
-            each, speed, pilots = np.arange(rows), np.zeros(rows), 1
-        matrix = following.matrices(each, speed)
-        mean = np.einsum("pd,pdij->pij", weights(fractions, states)[each], matrix)
-        middle = np.arange(rows) * pilots + pilots // 2
+        (generator, states), n = self.generators(values), self.part.pattern.size
+        # At one mesh frequency of many where generators go with it.
+        matrix = generator.at(self.speeds / self.part.pattern.elastic.rate[:, None])
+        mean, middle = np.einsum("rd,rpdij->rpij", weights(fractions, states), matrix), len(self.speeds) // 2
         with np.errstate(invalid="ignore"):
-            frequencies = np.sqrt(-np.einsum("rii->ri", mean[middle][:, n : 2 * n, :n]))
-        rates = -0.5 * np.einsum("rii->ri", mean[middle][:, n:, n:])
+            frequencies = np.sqrt(-np.einsum("rii->ri", mean[:, middle, n : 2 * n, :n]))
+        rates = -0.5 * np.einsum("rii->ri", mean[:, middle, n:, n:])
         where = self.part.pattern.cycles, fractions, states
-        flow = replace(linked(*where, Generators(matrix[middle]), frequencies, rates), rounding=rounding)
-        if not moving:
+        flow = replace(linked(*where, Generators(matrix[:, middle]), frequencies, rates), rounding=rounding)
+        if generator.by_speed is None:
             return flow
         exponents = np.linalg.eigvals(mean)
         size = np.maximum(np.abs(exponents), np.finfo(float).tiny)
-        lightest = (np.abs(exponents.real) / size).min(axis=1).reshape(rows, pilots)
-        return replace(flow, following=following, lightest=lightest, sound=np.ones(rows, dtype=bool))
+        lightest = (np.abs(exponents.real) / size).min(axis=2)
+        return replace(flow, following=generator, lightest=lightest, sound=np.ones(len(self.rows), dtype=bool))
 
     def growing(self, flow: Chain) -> Array:
         """``(r,)``: which coordinate the mean system lets grow by itself, -1 where none does."""
@@ -184,10 +183,10 @@ def _search(
             own.canonical(CF6_5, doublings), *limits.cycles(pattern), limits.tolerance, limits.floor
         )
         periods = own.canonical(CF6_5, max(doublings - 1, 0))
-        return found, lambda row, cycle: ~KreinPhases.of(*periods.monodromy(row, cycle)).unstable
+        return found, lambda row, cycle: np.asarray(~spectrum(periods.monodromy(row, cycle)).off.any(axis=1))
     half = own.flow(CF6_5, max(doublings - 1, 0))
     found = limits.damped(own.flow(CF6_5, doublings, rounding), pattern)
-    return found, lambda row, cycle: kernel.moduli(half, row, cycle)[:, 0] <= 0
+    return found, lambda row, cycle: np.asarray(kernel.moduli(half, row, cycle)[:, 0] <= 0)
 
 
 def _controlled(own: PeriodicPart, limits: Limits, canonical: bool) -> tuple[Chain, SearchResult]:
@@ -215,7 +214,7 @@ def resolution(own: PeriodicPart, limits: Limits, scheme: Scheme, tolerance: flo
 
     def computed(doublings: int) -> Array:
         if canonical:
-            return own.canonical(scheme, doublings).monodromy(row, cycle)[0]
+            return own.canonical(scheme, doublings).monodromy(row, cycle)
         return kernel.moduli(own.flow(scheme, doublings), row, cycle)[:, 0]
 
     before = computed(COARSEST - 1)

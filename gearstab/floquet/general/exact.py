@@ -11,16 +11,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.general.coordinates import ElasticRows, elastic_rows
+from gearstab.floquet.general.canonical import CanonicalPeriods
 from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel import decision
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.factors import SPREAD
 from gearstab.floquet.segments.pattern import SHORTEST, Succession, merged
+from gearstab.propagation.elastic import ElasticRows, elastic_rows
 from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
 ROUNDING = 3e-16
 """Relative error of a step, and of its exponential for each unit of the norm of its exponent."""
+SOFT = 1e-12
+"""Squared frequencies, in units of the rate, below which a coordinate is not weighted."""
 SYMMETRIC = 1e-14
 """Part of the largest entry by which matrices may depart from what symmetry makes them."""
 
@@ -47,6 +51,25 @@ class ExactRows:
         table = self._all_logs(omega) if exponents else None
         growth = kernel.scan_damped(self.segments, self.generator, omega)[0]
         return growth, self._rounding(omega), table
+
+    def by_krein(self, mesh_frequency: Array, log: Array) -> tuple[Array, Array, Array]:
+        """Decide the doubtful points of Hamiltonian rows by Krein signs.
+
+        Returns: (ln max |lambda| ``(r, P)``, of Hamiltonian rows positive only where that is no rounding; which rows
+        these are ``(r,)``; which points were doubtful).
+        """
+        periods = CanonicalPeriods(
+            self.segments.cycles, self.segments.fractions, self.segments.states, self.generator, len(self.own.elastic)
+        )
+        omega = mesh_frequency / self.rate
+        ends = np.stack([omega.min(axis=1), omega.max(axis=1)], axis=1)
+        canonical = ~self.own.damped & periods.hamiltonian(ends)
+        found = np.where(canonical[:, None] & (log <= decision.ON_CIRCLE), 0.0, log)
+        asked = canonical[:, None] & (found > 0) & (found <= decision.OFF_CIRCLE)
+        row, point = np.nonzero(asked)
+        if len(row):
+            found[row, point] = decision.conservative(periods.monodromy(row, 1 / omega[row, point]))[1]
+        return found, canonical, asked
 
     def _all_logs(self, omega: Array) -> Array:
         if self.generator.by_speed is None:
@@ -83,10 +106,18 @@ def exact_rows(system: GearSystem) -> Iterator[ExactRows]:
             segments, levels = _segments(plan.subset(rows), values[rows], cycles)
             # Values of rows run along the second axis from the right there.
             matrix = np.swapaxes(replace(form, by_speed=None).generator(np.swapaxes(levels, 0, 1)), 0, 1)
-            laws = (
-                None if form.laws is None else form.laws * np.stack([form.rate, *np.ones((2, len(rows)))], -1)[:, None]
-            )
-            yield ExactRows(own, segments, Generators(matrix, form.by_speed, laws, bool(hamiltonian)))
+            generator = Generators(matrix, form.by_speed, form.scaled_laws, bool(hamiltonian))
+            yield ExactRows(own, segments, _weighted(generator, len(own.elastic)))
+
+
+def _weighted(generator: Generators, elastic: int) -> Generators:
+    """The same for the state (w u, u', b), whose matrices keep the size of motions: small ones have polynomials."""
+    squared = -np.diagonal(generator.matrix[..., elastic : 2 * elastic, :elastic], axis1=-2, axis2=-1).mean(axis=1)
+    weight = np.sqrt(np.where(squared > SOFT, squared, 1.0))
+    unit = np.concatenate([weight, np.ones((len(weight), generator.matrix.shape[-1] - elastic))], axis=1)
+    factor = (unit[:, :, None] / unit[:, None, :])[:, None]
+    by_speed = None if generator.by_speed is None else generator.by_speed * factor
+    return replace(generator, matrix=generator.matrix * factor, by_speed=by_speed)
 
 
 def _hamiltonian(own: ElasticRows) -> Array:

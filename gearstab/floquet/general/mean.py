@@ -16,9 +16,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from gearstab.floquet.dispatch import in_modes
-from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms
+from gearstab.propagation.elastic import ElasticForm, elastic_forms, mean_levels
 from gearstab.system import Array, GearSystem
-from gearstab.waveforms.profile import harmonic
 
 ROUNDING = 1e-11
 """A growth rate below this part of the largest exponent is rounding: an eigensolver leaves n eps ~ 1e-14 of it."""
@@ -65,14 +64,6 @@ def frequencies_beyond_modes(system: GearSystem) -> Array | None:
     part; None where that is all of it but for symmetric damping, so that its modes tell the natural frequencies.
     """
     return None if in_modes(system) else mean_motions(system).frequency_by_mode
-
-
-def mean_levels(system: GearSystem) -> Array:
-    """``(rows, J)``, the means of all that varies: of the meshes' stiffnesses, then of the terms' profiles."""
-    levels = [system.flat(mesh.mean_stiffness) for mesh in system.meshes]
-    profiles = [profile for term in system.terms for profile in term.profiles]
-    levels += [system.flat(harmonic(profile, 0).real) for profile in profiles]
-    return np.stack(levels, axis=-1)
 
 
 def _row(own: ElasticForm, level: Array, size: int) -> tuple[Array, Array, Array]:

@@ -17,12 +17,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms
 from gearstab.floquet.general.exact import exact_rows
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, empty, settled
 from gearstab.interrupts import heed
+from gearstab.propagation.elastic import ElasticForm, elastic_forms
 from gearstab.propagation.magnus import NODES, ORDER, polynomial
 from gearstab.propagation.products import MagnusSteps, eigenvalues, propagated
 from gearstab.propagation.schedule import Schedule, schedule
@@ -36,7 +36,7 @@ ROUNDING = 3e-16
 """Relative error of a step, by which the estimate is never smaller than that of all steps."""
 ON_CIRCLE = 1e-7
 """Growth a period below which a system without damping counts as stable: a double multiplier on the unit circle is
-known to the square root of the rounding error."""
+known to the square root of the rounding error. Where a Hamiltonian one is constant between jumps Krein signs decide."""
 DAMPED_ON_CIRCLE = 1e-10
 """The same for a damped system, whose multipliers lie inside."""
 SPREAD = np.log(100.0)
@@ -102,14 +102,15 @@ def _exact(system: GearSystem, omega: Array, exponents: bool, tolerance: float) 
     for part in exact_rows(system):
         own, rows = part.own, part.own.form.rows
         log, error[rows], logs = part.logs(omega[rows], exponents)
+        log, canonical, doubtful = part.by_krein(omega[rows], log)
         by_itself = own.rigid_exponents.max(axis=1, initial=-np.inf)[:, None]
         log = np.maximum(log, np.where(by_itself > 0, by_itself, -np.inf) * period[rows])
-        least = np.where(own.damped, DAMPED_ON_CIRCLE, ON_CIRCLE)[:, None]
-        growth, stable = decided(log, period[rows], np.maximum(least, error[rows]))
+        least = np.maximum(np.where(own.damped, DAMPED_ON_CIRCLE, ON_CIRCLE)[:, None], error[rows])
+        growth, stable = decided(log, period[rows], np.where(canonical[:, None], 0.0, least))
         lost = np.isnan(log)
         result.growth_rate[rows], result.stable[rows] = growth, np.where(lost, -1, stable)
-        failed = np.where(lost, STATUS_FLAGS["failed"], 0)
-        result.status[rows] = failed | np.where(error[rows] <= tolerance, 0, STATUS_FLAGS["not_converged"])
+        flags = np.where(lost, STATUS_FLAGS["failed"], 0) | np.where(doubtful, STATUS_FLAGS["krein"], 0)
+        result.status[rows] = flags | np.where(error[rows] <= tolerance, 0, STATUS_FLAGS["not_converged"])
         if table is not None and logs is not None:
             rigid = np.broadcast_to(own.rigid_exponents[:, None], (*log.shape, own.rigid_exponents.shape[1]))
             whole = np.concatenate([logs / period[rows][..., None], rigid], axis=-1)

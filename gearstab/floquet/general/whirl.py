@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms
-from gearstab.floquet.general.mean import ROUNDING, mean_levels
+from gearstab.floquet.general.mean import ROUNDING
+from gearstab.propagation.elastic import ElasticForm, elastic_forms, mean_levels
 from gearstab.system import Array, GearSystem
 
 SURE = 0.8

@@ -294,6 +294,25 @@ def _damped(
     return (numbers, *map(contiguous, (values.real, values.imag, fractions)), *indices, contiguous(change), *NOTHING)
 
 
+def _scattered(cycles: float, fractions: Array, states: Array, generator: Generators) -> tuple[Any, ...]:
+    """Any generators, of which each point makes exponentials, as the C functions for scattered points take them."""
+    rows, count, m = generator.matrix.shape[:3]
+    by_speed, laws = np.empty((rows, 0, m, m)), np.empty((rows, 0, 3))
+    if generator.by_speed is not None and generator.laws is not None:
+        by_speed, laws = generator.by_speed, generator.laws
+    numbers = (rows, len(states), count, count, m, by_speed.shape[1], float(cycles))
+    unused, order = np.zeros((rows, count, m)), np.ascontiguousarray(states, dtype=np.int64)
+    return (
+        numbers,
+        unused,
+        unused,
+        contiguous(fractions),
+        order,
+        order,
+        *map(contiguous, (generator.matrix, by_speed, laws)),
+    )
+
+
 def _of_modes(pattern: Succession, generator: Generators) -> tuple[Any, ...]:
     """A damped pattern in the real modes of its states."""
     values, basis, inverse = generator.real_modes
@@ -301,12 +320,14 @@ def _of_modes(pattern: Succession, generator: Generators) -> tuple[Any, ...]:
 
 
 def _of_chain(chain: Chain) -> tuple[Any, ...]:
+    if chain.following is not None:
+        parts = chain.fractions[:, chain.span], chain.states[chain.span]
+        return _scattered(chain.cycles, *parts, chain.following)
     return _damped(chain.cycles, chain.values, chain.fractions, chain.states, chain.change, chain.index)
 
 
 def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> Array:
     """What :func:`gearstab.floquet.kernel.lyapunov.moduli` says."""
-    chain, row = chain.at(row, cycle)
     logs = np.empty((len(row), chain.size))
     given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
 
@@ -316,13 +337,14 @@ def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> 
     in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
     left = np.flatnonzero(np.isnan(logs).any(axis=1) | ~chain.sound[row])
     if len(left):
-        logs[left] = lyapunov.moduli(chain, row[left], cycle[left])
+        logs[left] = lyapunov.moduli(*chain.at(row[left], cycle[left]), cycle[left])
     return logs
 
 
 def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
-    """What :func:`gearstab.floquet.kernel.lyapunov.products` says."""
-    chain, row = chain.at(row, cycle)
+    """What :func:`gearstab.floquet.kernel.lyapunov.products` says; where generators go with the mesh frequency, in the
+    coordinates of these.
+    """
     matrix, scale = np.empty((len(row), chain.size, chain.size)), np.empty(len(row))
     given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
 
@@ -334,6 +356,26 @@ def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -
     if len(left):
         matrix[left], scale[left] = lyapunov.products(chain, row[left], cycle[left])
     return matrix, scale
+
+
+def exponentials(
+    cycles: float, fractions: Array, states: Array, generator: Generators, row: Array, cycle: Array
+) -> Array:
+    """Products of the exponentials of all segments ``(P, m, m)`` at points (row, 1/Omega) ``(P,)``, not scaled.
+
+    fractions ``(r, S)``, states ``(S,)``: as of a pattern.
+    """
+    given, where = _scattered(cycles, fractions, states, generator), (_whole(row), contiguous(cycle))
+    m = generator.matrix.shape[-1]
+    matrix, scale = np.empty((len(row), m, m)), np.empty(len(row))
+
+    def part(first: int, last: int) -> None:
+        of_points = LANES * first, min(LANES * last, len(row)), len(row)
+        ckernel.library.products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
+
+    in_threads(part, -(-len(row) // LANES), float(LANES * len(states) * m**3), None)
+    with np.errstate(over="ignore"):
+        return matrix * np.exp(scale)[:, None, None]
 
 
 def chained(

@@ -16,44 +16,16 @@ import numpy as np
 
 from gearstab.floquet.kernel.damped import Generators, generators
 from gearstab.floquet.segments.pattern import Pattern
-from gearstab.propagation.first_order import FirstOrder
 from gearstab.system import Array
 
 ROUNDING = 1e-13
 """What a proof allows for errors of a segment's propagator, relative: those of rounding."""
 
 
-@dataclass(frozen=True)
-class Following:
-    """Generators of r rows that change with the mesh frequency, as speeds of rotation follow it.
-
-    form: the first-order systems. values: ``(r, D, J)``, what varies in each state.
-    """
-
-    form: FirstOrder
-    values: Array
-
-    def matrices(self, row: Array, mesh_frequency: Array) -> Array:
-        """A_d ``(P, D, m, m)`` of rows ``(P,)`` at mesh frequencies in the units of the system, real or complex."""
-        own = self.form.at_speeds(row, mesh_frequency)
-        return np.moveaxis(own.generator(np.moveaxis(self.values[row], 1, 0)), 0, 1)
-
-    def slopes(self, row: Array, mesh_frequency: Array) -> tuple[Array, Array]:
-        """dA/d ln Omega and the second derivative ``(P, m, m)``; they do not depend on the state."""
-
-        def slope(at: Array) -> Array:
-            return self.form.at_speeds(row, at * (1 + 1j * TINY)).constant.imag / TINY
-
-        second = (slope(mesh_frequency * (1 + SMALL)) - slope(mesh_frequency * (1 - SMALL))) / (2 * SMALL)
-        return slope(mesh_frequency), second
-
-
-CHANGING = 2e5
-"""Multiplications in the time that a segment takes whose generator has to be made anew at every point."""
-TINY = 1e-30
-"""Imaginary step of a derivative, which is exact."""
-SMALL = 1e-5
-"""Step of a second one."""
+EXPONENTIAL = 12.0
+"""Products that the exponential of a matrix takes."""
+PREPARATION, CHANGING = 500.0, 2e5
+"""Products, and multiplications besides, in the time that a proof takes for a segment whose modes are found anew."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +62,7 @@ class Chain:
     weight: Array
     sound: Array
     rounding: float = ROUNDING
-    following: Following | None = None
+    following: Generators | None = None
     span: slice = field(default_factory=lambda: slice(None))
     slope: Array | None = None
     bend: Array | None = None
@@ -102,9 +74,14 @@ class Chain:
         return int(self.values.shape[-1])
 
     @property
-    def overhead(self) -> float:
-        """Work that each evaluation takes per segment besides that for which generators are known, in products."""
-        return 0.0 if self.following is None else CHANGING / self.size**3
+    def exponential(self) -> float:
+        """Work of the generator's own exponential in a segment, in products, where no modes serve all points."""
+        return 0.0 if self.following is None else EXPONENTIAL
+
+    @property
+    def preparation(self) -> float:
+        """The same of what a proof has to find out anew at every point."""
+        return 0.0 if self.following is None else PREPARATION + CHANGING / self.size**3
 
     def period(self, cycle: Array) -> Array:
         """T at 1/Omega = ``cycle``."""
@@ -125,12 +102,13 @@ class Chain:
         """
         if self.following is None:
             return self, row
-        speed = self.following.form.rate[row] / cycle
-        matrix = Generators(self.following.matrices(row, speed))
+        speed = 1 / np.asarray(cycle)[:, None]
+        given = self.following.subset(row)
+        matrix = Generators(given.at(speed)[:, 0])
         where = self.cycles, self.fractions[row], self.states
         own = replace(linked(*where, matrix, self.frequencies[row], self.rates[row]), rounding=self.rounding)
         if slopes:
-            first, second = (own.inverse @ part[:, None] @ own.basis for part in self.following.slopes(row, speed))
+            first, second = (own.inverse @ part @ own.basis for part in given.slopes(speed))
             own = replace(own, slope=first, bend=np.linalg.norm(second, axis=(-2, -1)))
         return own.part(self.span), np.arange(len(row))
 

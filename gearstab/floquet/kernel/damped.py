@@ -88,6 +88,20 @@ class Generators:
         moving = np.einsum("rpk,rkij->rpij", speed_factors(ratio * omega[..., None], power, softening), self.by_speed)
         return np.asarray(self.matrix[:, None] + moving[:, :, None])
 
+    def slopes(self, omega: Array) -> tuple[Array, Array]:
+        """First and second derivatives of A by ln Omega ``(r, P, m, m)`` at mesh frequencies ``(r, P)``, of all states.
+
+        f = W^p/(1 - u) with u = a W^2 has f' = f (p + 2 u/(1 - u)).
+        """
+        assert self.by_speed is not None
+        assert self.laws is not None
+        ratio, power, softening = np.moveaxis(self.laws[:, None], -1, 0)
+        speed = ratio * omega[..., None]
+        soft = softening * speed**2 / (1 - softening * speed**2)
+        first = speed_factors(speed, power, softening) * (power + 2 * soft)
+        second = first * (power + 2 * soft) + speed_factors(speed, power, softening) * 4 * soft * (1 + soft)
+        return np.einsum("rpk,rkij->rpij", first, self.by_speed), np.einsum("rpk,rkij->rpij", second, self.by_speed)
+
 
 def real_modes(values: Array, vectors: Array, inverse: Array) -> tuple[Array, Array, Array]:
     """(values ``(r, D, m)`` complex, V, V^-1 real), real eigenvalues first, from values, X and X^-1.

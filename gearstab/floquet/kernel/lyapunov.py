@@ -131,7 +131,7 @@ def radii(chain: Chain, row: Array, cycle: Array, growth: Array) -> Array:
         sweep = _Sweep(chain, row[k], period[k], rate[k])
         with np.errstate(all="ignore"):
             radius[k] = sweep.tested(solution(*sweep.equation()))
-    return radius if chain.slope is None else np.minimum(radius, FARTHEST)
+    return radius
 
 
 def _exponential(values: Array, duration: Array) -> Array:
@@ -238,7 +238,7 @@ class _Sweep:
 
     def tested(self, start: Array) -> Array:
         """The radii ``(P, 2)`` of the Lyapunov function that begins a period with ``start``."""
-        radius = np.full((2, len(self.row)), LARGEST)
+        radius = np.full((2, len(self.row)), LARGEST if self.chain.slope is None else FARTHEST)
         matrix, each = start, np.arange(self.chain.size)
         for segment, piece, step, length in self.steps():
             before = _transposed(step) @ matrix @ step
@@ -265,7 +265,7 @@ class _Sweep:
             return generator, np.zeros(len(length))
         slope = length[:, None, None] * chain.slope[self.row, state]
         turn = _pairs(values)
-        back = np.linalg.inv(turn)
+        back = _transposed(turn.conj()) / np.where(values.imag != 0, 2.0, 1.0)[:, :, None]
         growth = length[:, None] * values
         apart = growth[:, None, :] - growth[:, :, None]
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -301,11 +301,10 @@ def _largest(loss: Array, rise: Array, radius: Array) -> Array:
 
 def _positive(matrix: Array) -> Array:
     """Which symmetric matrices ``(P, m, m)`` are positive definite, by Cholesky's pivots."""
-    work = matrix.copy()
-    good = np.ones(len(work), dtype=bool)
-    for k in range(work.shape[-1]):
-        pivot = work[:, k, k]
+    work = np.moveaxis(matrix, 0, -1).copy()  # all points side by side
+    good = np.ones(len(matrix), dtype=bool)
+    for k in range(len(work)):
+        pivot, column = work[k, k], work[k + 1 :, k]
         good &= pivot > 0
-        column = work[:, k + 1 :, k]
-        work[:, k + 1 :, k + 1 :] -= column[:, :, None] * (column / np.where(good, pivot, 1.0)[:, None])[:, None, :]
+        work[k + 1 :, k + 1 :] -= column[:, None] * (column / np.where(good, pivot, 1.0))
     return good

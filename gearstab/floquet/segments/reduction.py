@@ -125,7 +125,7 @@ def reduce(system: GearSystem) -> Iterator[Elastic]:
     shapes, rate = system.flat(modes.shapes, 2), system.flat(modes.rate)
     deflection = np.swapaxes(system.flat(modes.mesh_deflection, 2), -1, -2)
     rigid = system.flat(modes.rigid, 1) == 1
-    drag = _damping(shapes, system.flat(system.damping_matrix, 2), rigid)
+    drag = _damping(shapes, system.flat(system.damping_matrix, 2), rigid) if system.damped else None
     # Before the rows are laid out: they may share it.
     static = system.flat(_modal(modes.shapes, system.stiffness), 2)
     turns = [_modal(shapes, system.flat(system.mass @ symmetry.turn, 2)) for symmetry in system.symmetries]
@@ -139,8 +139,9 @@ def reduce(system: GearSystem) -> Iterator[Elastic]:
         kept = [_take(turn[members], elastic, elastic) for turn in turns]
         stacked = np.stack(kept, axis=1) if kept else None
         none, free = np.zeros(len(members)), np.zeros((len(members), 0, elastic.shape[1]))
-        base = Elastic(members, rate[members], inner, directions, None, none, free[..., 0], free, stacked)
-        yield _with_damping(base, drag.subset(members), elastic, rigid_at, int(key[1]))
+        still = np.zeros((len(members), 2 * rigid_at.shape[1]))
+        base = Elastic(members, rate[members], inner, directions, None, none, still, free, stacked)
+        yield base if drag is None else _with_damping(base, drag.subset(members), elastic, rigid_at, int(key[1]))
 
 
 @dataclass(frozen=True)
@@ -191,12 +192,14 @@ def _take(matrix: Array, rows: Array, columns: Array) -> Array:
     return np.take_along_axis(chosen, columns[:, None, :], axis=2)
 
 
-def _kinds(rigid: Array, drag: _Damping) -> Array:
+def _kinds(rigid: Array, drag: _Damping | None) -> Array:
     """``(rows, 3)``: number of rigid modes; 0 conservative after a shift, 1 damped, 2 damping couples to rigid ones;
     how many rigid modes are held where it does.
     """
     kind = np.zeros((len(rigid), 3), dtype=int)
     kind[:, 0] = rigid.sum(axis=1)
+    if drag is None:
+        return kind
     inside = ~rigid[:, :, None] & ~rigid[:, None, :]
     mean = np.einsum("rii,ri->r", drag.matrix, ~rigid) / np.maximum((~rigid).sum(axis=1), 1)
     deviation = np.abs(drag.matrix - mean[:, None, None] * np.eye(rigid.shape[1])) * inside

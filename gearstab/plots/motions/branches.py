@@ -36,7 +36,7 @@ WORDS = {
 """Names that fit beside the axis."""
 VALUE = "branch_value"
 """The variable that holds the value of the axis, of branches along another one than the mesh frequency."""
-MARKS = {1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s")}
+MARKS = {1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s"), 4: ("branch point", "^")}
 """Kinds of points that are marked: what they are called, and how they look."""
 DASHED = (0, (3, 1.6))
 

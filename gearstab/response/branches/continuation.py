@@ -41,6 +41,9 @@ VERTICAL = 1e-7
 amplitude at one parameter."""
 SAME = 1e-4
 """Two multipliers that cross within this part of a step cross together."""
+STATIONARY = 1e-9
+"""Difference of parameters, in their unit, of folds that are one: a fold's parameter hardly depends on errors of the
+state, along which multipliers of symmetric systems part."""
 
 FOLD, DOUBLING, NEIMARK_SACKER, BRANCHING = "fold", "period_doubling", "Neimark_Sacker", "branch_point"
 """What multipliers do where they cross the unit circle."""
@@ -247,7 +250,11 @@ class Curve:
         found.sort()
         while found:
             s = found[0][0]
-            together = [n for other, n in found if other - s <= SAME * whole]
+            near = [abs(point(other).parameter - point(s).parameter) <= STATIONARY * self.span for other, _ in found]
+            together = [
+                n for (other, n), alike in zip(found, near, strict=True)
+                if other - s <= SAME * whole or (turned and alike)
+            ]  # fmt: skip
             yield _named(point(s), together, turned)
             found = found[len(together) :]
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.response.branches.solve import BRANCH_FLAGS, KINDS, BranchSearch
+from gearstab.response.branches.motions import BRANCH_FLAGS, KINDS
+from gearstab.response.branches.solve import BranchSearch
 from gearstab.system import Array
 
 

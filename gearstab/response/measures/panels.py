@@ -139,15 +139,17 @@ def _force(
     z, count = drive.z(tau), len(tau)
     stretch = deflection - np.einsum("kil,pjkl->pjki", errors, z)
     if drive.exact:
-        stiffness = _stiffness(points, q, np.array([0.5]))
-        return stiffness * stretch, stiffness * (rate - np.einsum("kil,pjkl->pjki", slopes, z))
-    force = _stiffness(points, q, _fractions(count, NODES)).reshape(stretch.shape) * stretch
+        stiffness, push = _teeth(points, q, np.array([0.5]))
+        return stiffness * stretch - push, stiffness * (rate - np.einsum("kil,pjkl->pjki", slopes, z))
+    stiffness, push = (part.reshape(stretch.shape) for part in _teeth(points, q, _fractions(count, NODES)))
+    force = stiffness * stretch - push
     # The derivative of the stiffness is not known: the force between the nodes stands for it.
     data = np.concatenate([deflection, rate * length[:, None]], axis=1)
     between = np.einsum("fj,pjki->pfki", HERMITE, data)
     later = drive.z(tau[:, :1] + BETWEEN[:, None] * length)
     stretch = between - np.einsum("kil,pjkl->pjki", errors, later)
-    more = _stiffness(points, q, _fractions(count, BETWEEN)).reshape(stretch.shape) * stretch
+    stiffness, push = (part.reshape(stretch.shape) for part in _teeth(points, q, _fractions(count, BETWEEN)))
+    more = stiffness * stretch - push
     slope = np.einsum("fj,pjki->pfki", RATES, np.concatenate([force, more], axis=1))
     return force, slope / length[:, None]
 
@@ -158,12 +160,15 @@ def _errors(points: SteadyPoints) -> tuple[Array, Array]:
     return drive.errors[at], 2 * np.pi * drive.cycles * drive.slopes[at]
 
 
-def _stiffness(points: SteadyPoints, q: int, fractions: Array) -> Array:
-    """``(X, K, meshes)`` within interval q, its ends from inside."""
+def _teeth(points: SteadyPoints, q: int, fractions: Array) -> tuple[Array, Array]:
+    """Mesh stiffnesses, and forces that teeth exert by themselves, ``(X, K, meshes)`` within interval q, its ends from
+    inside.
+    """
     begin, end = points.edges[:, q], points.edges[:, q + 1]
     inner = np.array([0.5]) if points.excitation.exact else np.clip(fractions, 1e-9, 1 - 1e-9)
     values = points.equation.values(begin + inner[:, None] * (end - begin))
-    return np.asarray(points.excitation.split(values)[0][:, points.at])
+    stiffness, _, others = points.excitation.split(values)
+    return stiffness[:, points.at], (others @ points.excitation.exerted.T)[:, points.at]
 
 
 def fastest(points: SteadyPoints) -> float:

@@ -319,6 +319,9 @@ CERTIFICATES = (
     ),
     Variable("certified_share", (ROWS,), "f8", "1", "share of the mesh frequencies with a certificate"),
     Variable("uncertified_width", (ROWS,), "f8", "1", "widest part without one, relative to the mesh frequency"),
+    Variable(
+        "uncertified_at_boundary", ("tongue", "side", ROWS), "f8", "1", "width without one around a boundary, relative"
+    ),
 )  # fmt: skip
 """What ``gearstab verify`` proves."""
 

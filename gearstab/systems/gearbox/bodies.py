@@ -9,6 +9,7 @@ from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict, within
 from gearstab.config.model.fields import (
+    Choice,
     Flag,
     Inertia,
     Length,
@@ -24,18 +25,20 @@ from gearstab.config.model.fields import (
     ToothCount,
     TorsionalStiffness,
 )
-from gearstab.systems.gearbox.rotors import moves
+from gearstab.systems.gearbox.rotors import HANDS, moves, slides
 from gearstab.systems.parts.mesh import Named
 
 PressureAngle = Annotated[float, Field(gt=0, lt=0.7853), Quantity("rad")]
 Pressure = Annotated[float, Field(gt=0), Quantity("Pa")]
 
-OF_TEETH = ("module", "pressure_angle", "addendum", "dedendum", "face_width")
+HelixAngle = Annotated[float, Field(gt=-1.0472, lt=1.0472), Quantity("rad")]
+
+OF_TEETH = ("module", "pressure_angle", "addendum", "dedendum", "helix_angle", "face_width")
 """What all gears of a train share unless a gear has its own."""
 
 
 class Support(Section):
-    """Springs that hold the centre of a rotor, the same in both directions, or its rotation."""
+    """Springs that hold the centre of a rotor, the same in both directions, its rotation, or its place on the axis."""
 
     stiffness: Stiffness | None = Field(
         default=None,
@@ -47,6 +50,11 @@ class Support(Section):
         title="torsional stiffness of the support",
         description="Between rotor and housing (N m/rad); a held member of a planetary set has no rotation without.",
     )
+    axial_stiffness: Stiffness | None = Field(
+        default=None,
+        title="axial stiffness of the support",
+        description="Along the axis (N/m), which helical teeth push it along; without, it does not move there.",
+    )
     damping_ratio: NonNegative = Field(
         default=0.0, title="damping ratio of the support", description="zeta, c = 2 zeta sqrt(k m) (1)."
     )
@@ -54,16 +62,24 @@ class Support(Section):
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """At least one of the springs."""
-        if raw.get("stiffness") is None and raw.get("torsional_stiffness") is None:
-            yield ("stiffness",), "missing", "is missing", "add stiffness (N/m) or torsional_stiffness (N m/rad)"
+        if all(raw.get(key) is None for key in ("stiffness", "torsional_stiffness", "axial_stiffness")):
+            hint = "add stiffness or axial_stiffness (N/m), or torsional_stiffness (N m/rad)"
+            yield ("stiffness",), "missing", "is missing", hint
 
 
 class Teeth(Section):
     """Basic profile and width of gears."""
 
-    module: Length | None = Field(default=None, title="module", description="m (m).")
+    module: Length | None = Field(
+        default=None, title="module", description="m, of helical gears the normal module (m)."
+    )
     pressure_angle: PressureAngle | None = Field(
         default=None, title="pressure angle", description='alpha of the rack; in rad, or with a unit: "20 deg".'
+    )
+    helix_angle: HelixAngle | None = Field(
+        default=None,
+        title="helix angle",
+        description='beta on the reference circle ("20 deg"); negative of a left-handed gear, spur without.',
     )
     addendum: Positive | None = Field(default=None, title="addendum", description="h_a/m; 1 without (1).")
     dedendum: Positive | None = Field(default=None, title="dedendum", description="h_f/m; 1.25 without (1).")
@@ -75,6 +91,11 @@ class Rotor(Teeth, Named):
 
     teeth: ToothCount | None = Field(
         default=None, title="number of teeth", description="z; a rotor without teeth is no gear."
+    )
+    hand: Annotated[str, Choice("hand", HANDS)] | None = Field(
+        default=None,
+        title="hand of the helix",
+        description="right or left; without, such as meshes with the other gears.",
     )
     internal: Flag = Field(default=False, title="internal gear", description="A ring with teeth inside.")
     profile_shift: Number | None = Field(
@@ -96,7 +117,8 @@ class Rotor(Teeth, Named):
     bore_radius: NonNegativeLength | None = Field(
         default=None,
         title="radius of the bore",
-        description="Of the body (m); without, the disc is solid and the teeth stand on a body of bore 0.4 root radii.",
+        description="Of the body (m); without, the disc is solid and the teeth stand on a body of bore 0.4 root radii. "
+        "Of an internal gear, where its rim is held outside; the rim is rigid without.",
     )
     support: Support | None = Field(
         default=None, title="lateral support", description="With it the rotor moves in its plane too."
@@ -115,10 +137,10 @@ class Rotor(Teeth, Named):
                     "is missing",
                     "add inertia (kg m^2), or face_width and body_radius of its disc",
                 )
-            if moves(raw) and raw.get("mass") is None:
+            if (moves(raw) or slides(raw)) and raw.get("mass") is None:
                 yield ("mass",), "missing", "is missing", "add mass (kg), or face_width and body_radius of its disc"
         if not geared:
-            for key in (*OF_TEETH[:-1], "profile_shift", "internal"):
+            for key in (*OF_TEETH[:-1], "profile_shift", "internal", "hand"):
                 if raw.get(key) not in (None, False):
                     yield (key,), "not_applicable", "belongs to a gear", "give the rotor teeth, or remove it"
 

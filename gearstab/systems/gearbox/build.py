@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.gears.relief import ReliefForce
 from gearstab.rotation import Rotation
 from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
+from gearstab.systems.gearbox.loads import torques
 from gearstab.systems.gearbox.mesh import from_teeth
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet, TrainSetRows
 from gearstab.systems.gearbox.teeth import MeshTeeth
@@ -42,8 +44,20 @@ def build(p: Any) -> GearSystem:
     assembly = Assembly(train.coordinates, elements, meshes)
     rotations = tuple(_turning(train, row) for row in rows if row.item.p.get("carrier_speed") is not None)
     system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries), rotations=rotations)
+    system = replace(system, forces=(*system.forces, *_reliefs(train, system)))
     whole = _rubbed(train, system, [rotors.number(item.p, "damping") for item in pairs])
     return replace(whole, meshes=(*whole.meshes, *_weak_teeth(train, whole)))
+
+
+def _reliefs(train: Train, system: GearSystem) -> Iterator[PeriodicForce]:
+    """Yield what profile relief takes off the force of each mesh; its phase is that of the teeth."""
+    for mesh, item in zip(train.meshes, system.meshes, strict=True):
+        if not mesh.teeth.relieved:
+            continue
+        start = mesh.teeth.start
+        profile = ReliefForce(friction.level(item), start, mesh.teeth.error, mesh.teeth.force)
+        lag = np.asarray(item.lag) - start
+        yield PeriodicForce(f"relief of {item.name}", item.direction, profile, item.frequency_ratio, lag, item.name)
 
 
 def _rows(train: Train, item: TrainSet) -> TrainSetRows:
@@ -73,8 +87,12 @@ def _weak_teeth(train: Train, system: GearSystem) -> Iterator[Mesh]:
         whole, title = known[name], f"{name}.{fault['gear']} tooth {fault.get('tooth', 1)}"
         found[title] = found.get(title, 0) + 1
         title += f" ({found[title]})" if found[title] > 1 else ""
-        c, factor = teeth.contact_ratio(p), fault["factor"]
+        c, factor = teeth.given_contact_ratio(p), fault["factor"]
         if not isinstance(whole.waveform, Tooth):
+            if teeth.helical:
+                raise NotPossible(
+                    "weak teeth of helical gears need the computed stiffness", "add waveform: {kind: tooth}"
+                )
             return weak_tooth(whole, title, count, factor, c, cycles)
         overlap = teeth.each(lambda pair: pair.overlap_ratio)
         return weak_tooth(whole, title, count, factor, c, cycles, teeth.one_pair, overlap)
@@ -96,15 +114,15 @@ def _turning(train: Train, rows: TrainSetRows) -> Rotation:
     members = {}
     for member in MEMBERS:
         rotor = train.place[rows.item.p[member]]
-        if rotor in train.masses:
+        if rotor in train.supported:
             members[member] = (train.masses[rotor], _drag(train, rotor))
     return rows.turning(members, train.driving * train.speeds[rows.item.p["carrier"]] / train.cycles)
 
 
-def _drag(train: Train, rotor: int) -> Array:
-    """The damping of a lateral support, 2 zeta sqrt(k m)."""
+def _drag(train: Train, rotor: int, key: str = "stiffness") -> Array:
+    """The damping of a lateral or an axial support, 2 zeta sqrt(k m)."""
     support = train.rotors[rotor]["support"]
-    k = rotors.number(support, "stiffness")
+    k = rotors.number(support, key)
     return train.damping_factor * 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.masses[rotor])
 
 
@@ -124,7 +142,7 @@ def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
         mobility = sum((r**2 / j for r, j in ends), np.zeros(()))
         for n, mesh in zip(rows.numbers, known[k * item.count :], strict=False):
             along = {key: flank * value for key, value in rows.deflection(name, n, flank * angle).items()}
-            lag = np.asarray(mesh.lag, dtype=float)
+            lag = np.asarray(mesh.lag, dtype=float) + teeth.start
             found = MeshElement(p | {"name": mesh.name}, along, train.frequency_ratio(mesh.motion), lag)
             yield _damped(train, found, 1 / mobility)
 
@@ -142,10 +160,12 @@ def _damped(train: Train, found: MeshElement, mass: Array) -> MeshElement:
 def _filled(train: Train, k: int) -> Any:
     """The parameters of a mesh with what its teeth give."""
     p = train.p["meshes"][k]
-    if not from_teeth(p):
+    if not from_teeth(p) and not train.teeth_of(k).helical:
         return p
     try:
         return train.teeth_of(k).filled()
+    except TrainError:
+        raise
     except NotPossible as error:
         remedy = f"{error.remedy or 'change the teeth'}, or give the stiffness of the mesh"
         raise TrainError(("meshes", k), error.message, remedy) from None
@@ -154,14 +174,21 @@ def _filled(train: Train, k: int) -> Any:
 def mesh_element(train: Train, k: int) -> MeshElement:
     """Return the mesh of a pair; its lag is a fraction of its own period.
 
-    Its deflection is R_b1 theta_1 - R_b2 theta_2 + n . (u_1 - u_2), with the force n of the driver on the driven gear;
-    m_e = J_1 J_2/(R_b1^2 J_2 + R_b2^2 J_1).
+    Its deflection is R_b1 theta_1 - R_b2 theta_2 + n . (u_1 - u_2) - t (z_1 - z_2), with the force n of the driver on
+    the driven gear and t = tan beta_b where a right-handed driver turns counter-clockwise or a left-handed one
+    clockwise, else -tan beta_b; m_e = J_1 J_2/(R_b1^2 J_2 + R_b2^2 J_1).
     """
     gears, p, push = train.pairs[k], _filled(train, k), train.push(k)
     r1, r2 = (rotors.base_radius(train.rotors[gear]) for gear in gears)
     turned: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2}
-    row = total(turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])))
-    found = MeshElement(p, row, train.frequency_ratio(train.motions[k]), rotors.number(p, "lag"))
+    lead = train.sense(k) * train.teeth_of(k).lead
+    row = total(
+        turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])),
+        train.slide(gears[0], -lead), train.slide(gears[1], lead),
+    )  # fmt: skip
+    found = MeshElement(
+        p, row, train.frequency_ratio(train.motions[k]), rotors.number(p, "lag") + train.teeth_of(k).start
+    )
     j1, j2 = (train.inertias[gear] for gear in gears)
     return _damped(train, found, j1 * j2 / (r1**2 * j2 + r2**2 * j1))
 
@@ -222,34 +249,14 @@ def _bodies(train: Train) -> Iterator[Element]:
 
 
 def _supports(train: Train) -> Iterator[Element]:
-    """Yield mass and support of every rotor that moves in its plane, and torsional supports."""
+    """Yield mass and support of every rotor that moves in its plane or along its axis, and torsional supports."""
     for rotor, mass in train.masses.items():
-        k = rotors.number(train.rotors[rotor]["support"], "stiffness")
+        k, axial = (rotors.number(train.rotors[rotor]["support"], key) for key in ("stiffness", "axial_stiffness"))
         for along in ((1.0, 0.0), (0.0, 1.0)):
             yield Element(train.shift(rotor, along), mass, k, _drag(train, rotor))
+        yield Element(train.slide(rotor, 1.0), mass, axial, _drag(train, rotor, "axial_stiffness"))
     for rotor, p in enumerate(train.rotors):
         support = p.get("support") or {}
         k = rotors.number(support, "torsional_stiffness")
         c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.inertias[rotor])
         yield Element(train.rotation(rotor), stiffness=k, damping=train.damping_factor * c)
-
-
-def torques(train: Train) -> dict[str, Array]:
-    """Torque on the input and the output rotors, N m, each positive in the sense in which its rotor turns.
-
-    The outputs take power: sum T_i |speed_i| = 0. Without a torque an output shares what the input brings equally; the
-    input torque follows from the outputs' where it is not given itself.
-    """
-    p = train.p
-    start, ends = p["input"]["rotor"], [item["rotor"] for item in p.get("outputs") or []]
-    speed = {end: float(abs(train.speeds[end])) for end in ends}
-    given = [item.get("torque") for item in p.get("outputs") or []]
-    if p["input"].get("torque") is None and all(value is None for value in given):
-        return {}
-    if all(value is not None for value in given):
-        taken = {end: np.asarray(value, dtype=float) for end, value in zip(ends, given, strict=True)}
-    else:
-        power = rotors.number(p["input"], "torque") / len(ends)
-        taken = {end: power / speed[end] for end in ends}
-    brought = sum((taken[end] * speed[end] for end in ends), np.zeros(()))
-    return {start: np.asarray(brought)} | {end: -taken[end] for end in ends}

@@ -1,4 +1,7 @@
-"""Whether the gearboxes of a grid can be built: trains that turn, gears that mesh, stiffness that stays positive."""
+"""Whether the gearboxes of a grid can be built: trains that turn, gears that mesh, stiffness that stays positive.
+
+What is wrong with teeth that mesh all the same is told as flags.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ import numpy as np
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid
+from gearstab.systems.gearbox.teeth import OF_GEAR
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.kinematics import TrainError
 
@@ -116,3 +120,22 @@ def _place(p: Any, name: str) -> Path:
         if name.startswith(f"{item['name']}."):
             return ("planetary_sets", k, "meshes", name.split(".")[-2])
     return ("meshes", [mesh["name"] for mesh in p["meshes"]].index(name))
+
+
+NOTICE_FLAGS = {
+    "undercut": 1, "top_land": 2, "interference": 4, "fillet_contact": 8, "contact_ratio": 16, "tip_clearance": 32,
+    "backlash": 64, "trochoid_interference": 128, "trimming": 256,
+}  # fmt: skip
+"""Bits by the names of :class:`gearstab.gears.Notice`."""
+
+GEOMETRY = frozenset({*OF_GEAR, "helix_angle", "teeth", "centre_distance"})
+"""Parameters that the notices depend on, by their own names."""
+
+
+def notice_flags(p: Any) -> Array:
+    """Return ``(..., meshes)`` flags for the parameters of a gearbox, whose batch is that of its teeth."""
+    found = [
+        mesh.each(lambda pair: sum(NOTICE_FLAGS[name] for name in {notice.name for notice in pair.notices}))
+        for mesh in (mesh.teeth for mesh in Train(p).meshes)
+    ]
+    return np.stack(np.broadcast_arrays(*found), axis=-1).astype(np.int16)

@@ -49,7 +49,7 @@ def terms(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array], damping: Arra
         drag = Scaled(mesh.waveform, damping, 2 * mesh.epsilon * damping) if follows else Constant(damping)
     return [
         PeriodicTerm(
-            name, left, mesh.direction, Product(_level(mesh), share), None if drag is None else Product(drag, share),
+            name, left, mesh.direction, Product(level(mesh), share), None if drag is None else Product(drag, share),
             mesh.frequency_ratio, mesh.lag,
         )
         for name, left, share in _parts(mesh, rubbing, ends)
@@ -66,13 +66,13 @@ def forces(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array]) -> list[Peri
     if error is None:
         return []
     return [
-        PeriodicForce(name, left, Product(Product(_level(mesh), share), error), mesh.frequency_ratio, mesh.lag)
+        PeriodicForce(name, left, Product(Product(level(mesh), share), error), mesh.frequency_ratio, mesh.lag)
         for name, left, share in _parts(mesh, rubbing, ends)
     ]
 
 
-def _level(mesh: Mesh) -> Profile:
-    """k(x)."""
+def level(mesh: Mesh) -> Profile:
+    """Return k(x)."""
     return Scaled(mesh.waveform, mesh.mean_stiffness, 2 * mesh.amplitude)
 
 

@@ -16,13 +16,12 @@ from gearstab.config.model.fields import (
     NonNegativeLength,
     Quantity,
     Section,
-    Stiffness,
 )
 from gearstab.systems.parts.faults import Fault
 from gearstab.systems.parts.forcing import TransmissionError
-from gearstab.systems.parts.mesh import Lag, NamedToothMesh, following_conflicts
+from gearstab.systems.parts.mesh import Lag, NamedToothMesh, StiffnessOfTeeth, following_conflicts, given_by_teeth
 from gearstab.waveforms import WAVEFORMS
-from gearstab.waveforms.section import has_own_mean, shape_conflicts, wave_of
+from gearstab.waveforms.section import has_own_mean, shape_conflicts
 
 MEAN, VARIATION, CONTACT_RATIO, WAVE = "mean", "variation", "contact_ratio", "wave"
 """What of a mesh stiffness may follow from the teeth."""
@@ -34,6 +33,67 @@ FRICTIONS = {
 """Laws of friction and the keys they need."""
 LUBRICATED = ("xu_kahraman", "benedict_kelley")
 """Those that depend on speed and load."""
+
+
+POWERS = {"linear": 1, "parabolic": 2}
+"""Forms of profile relief, and how its depth grows with the distance from where it begins."""
+NOT_WITH_RELIEF = (
+    "mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio", "variation", "friction", "backlash",
+)  # fmt: skip
+"""Keys of a mesh whose place relief takes, or for which it is not computed."""
+
+
+class ProfileRelief(Section):
+    """Material taken off the tips, or the roots, of both gears of a mesh."""
+
+    amount: Length = Field(title="amount of relief", description='C_a, at the end of the flank (m, "20 um").')
+    length: Length = Field(
+        title="length of relief", description='l, along the path of contact from the end of the flank (m, "2 mm").'
+    )
+    form: Annotated[str, Choice("form", tuple(POWERS))] = Field(
+        default="linear", title="form of relief", description="C_a (s/l)^p beyond its start: linear p = 1, parabolic 2."
+    )
+
+
+class MeshRelief(Section):
+    """Profile relief, which makes the stiffness of a mesh depend on its load."""
+
+    tip: ProfileRelief | None = Field(default=None, title="tip relief", description="Of both gears.")
+    root: ProfileRelief | None = Field(default=None, title="root relief", description="Of both gears.")
+
+
+class TrainMeshKeys(StiffnessOfTeeth):
+    """What a mesh of two gears and those of a planetary set take alike."""
+
+    damping_ratio: NonNegative | None = Field(
+        default=None,
+        title="damping ratio of the mesh",
+        description="zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping.",
+    )
+    relief: MeshRelief | None = Field(
+        default=None,
+        title="profile relief",
+        description="Stiffness, of the teeth, and transmission error are those under the given torques; none without.",
+    )
+
+
+def relief_conflicts(raw: dict[str, Any]) -> Iterator[Conflict]:
+    """Yield what does not go with the relief of a mesh."""
+    relief = raw.get("relief")
+    if relief is None:
+        return
+    if isinstance(relief, dict) and not {"tip", "root"} & {key for key, value in relief.items() if value is not None}:
+        yield ("relief",), "missing", "takes nothing off", "add tip or root: {amount: 20 um, length: 2 mm}"
+    for key in NOT_WITH_RELIEF:
+        if raw.get(key) is not None:
+            yield (key,), "not_applicable", "is not available with relief", f"remove {key} or relief"
+    if raw.get("double_contact_factor") not in (None, 1):
+        message = "is not available with relief, which needs the stiffness of each pair by itself"
+        yield ("double_contact_factor",), "not_applicable", message, "remove it, or relief"
+    wave = (raw.get("waveform") or {}).get("kind", "rectangular")
+    if wave not in ("rectangular", "tooth"):
+        message = f"relief changes the wave of the teeth, which {wave} is none of"
+        yield ("waveform", "kind"), "not_applicable", message, "choose tooth or rectangular, or remove relief"
 
 
 class Friction(Section):
@@ -69,7 +129,7 @@ class Friction(Section):
                 yield (key,), "not_applicable", f"{kind} friction takes no {key}", "remove it, or choose another law"
 
 
-class GearboxMesh(NamedToothMesh):
+class GearboxMesh(NamedToothMesh, TrainMeshKeys):
     """A mesh of two gears. What is not given of its stiffness follows from the teeth."""
 
     misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}
@@ -88,27 +148,11 @@ class GearboxMesh(NamedToothMesh):
     lag: Lag = Field(
         default=0.0, title="mesh lag", description="A pair of teeth enters this fraction of the mesh period late (1)."
     )
-    damping_ratio: NonNegative | None = Field(
-        default=None,
-        title="damping ratio of the mesh",
-        description="zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping.",
-    )
     reduction: Annotated[str, Choice("reduction", ("levels", "peak-to-peak", "first harmonic"))] = Field(
         default="levels",
         title="reduction of the teeth's stiffness",
         description="What a rectangular wave keeps of it: levels, the mean with fewer and with more pairs in contact; "
         "its peak-to-peak; or its first harmonic.",
-    )
-    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] = Field(
-        default=1.0,
-        title="double contact factor",
-        description="Stiffness of two pairs over the sum of theirs (1): teeth on one body deflect each other.",
-    )
-    single_pair_stiffness: Stiffness | None = Field(
-        default=None, title="measured stiffness of a pair", description="In contact at the pitch point (N/m)."
-    )
-    variation: NonNegative | None = Field(
-        default=None, title="measured variation", description="(max k - min k)/mean k of the mesh stiffness (1)."
     )
     friction: Friction | None = Field(default=None, title="friction", description="Between the teeth; none without.")
     faults: list[Fault] = Field(default=[], title="faults", description="Weak teeth of either gear.")
@@ -120,12 +164,7 @@ class GearboxMesh(NamedToothMesh):
         yield from at_most_one(raw, ("epsilon", "amplitude"))
         yield from at_most_one(raw, ("damping", "damping_ratio"))
         yield from shape_conflicts(raw)
-        wave = wave_of(raw.get("waveform"))
-        if wave is not None and wave.of_teeth:
-            for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
-                if raw.get(key) is not None:
-                    remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
-                    yield (key,), "already_given", "the teeth give it", f"{remedy}single_pair_stiffness and variation"
+        yield from given_by_teeth(raw)
         yield from following_conflicts(
             raw, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"
         )
@@ -138,6 +177,7 @@ class GearboxMesh(NamedToothMesh):
                 "keep one of the two",
             )
         yield from within(raw, "friction", Friction.conflicts)
+        yield from relief_conflicts(raw)
 
 
 def from_teeth(p: Any) -> frozenset[str]:

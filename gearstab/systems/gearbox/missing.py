@@ -7,7 +7,7 @@ from typing import Any
 
 from gearstab.config.model.conflicts import Conflict, items
 from gearstab.systems.gearbox.mesh import needs_width
-from gearstab.systems.gearbox.rotors import moves
+from gearstab.systems.gearbox.rotors import moves, slides
 
 MOST = 4
 """Things that a message lists."""
@@ -63,12 +63,16 @@ def _of_disc(i: int, rotor: dict[str, Any]) -> Iterator[tuple[int, str, str]]:
     name = rotor.get("name", i)
     if rotor.get("inertia") is None:
         yield i, f"the inertia of {name}", "inertia"
-    if moves(rotor) and rotor.get("mass") is None:
+    if (moves(rotor) or slides(rotor)) and rotor.get("mass") is None:
         yield i, f"the mass of {name}", "mass"
 
 
 def _of_meshes(raw: dict[str, Any], narrow: dict[int, dict[str, Any]]) -> Iterator[tuple[int, str, str]]:
-    """Stiffness and lubrication that follow from the teeth."""
+    """Overlap of helical gears, stiffness and lubrication that follow from the teeth."""
+    shared = (raw.get("gears") or {}).get("helix_angle")
+    for i, rotor in narrow.items():
+        if rotor.get("teeth") is not None and (rotor.get("helix_angle") or shared):
+            yield i, f"the overlap ratio of {rotor.get('name', i)}", ""
     for k, mesh in items(raw.get("meshes")):
         if not needs_width(mesh):
             continue

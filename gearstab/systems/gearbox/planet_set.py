@@ -5,7 +5,7 @@ Its lateral coordinates turn with the carrier; rotations are those of the bodies
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -28,19 +28,23 @@ from gearstab.systems.planetary.rows import SetRows, turn_matrix
 from gearstab.systems.planetary.teeth import SetTeeth
 
 MEMBERS = ("sun", "ring", "carrier")
-OF_PLANETS = ("module", "pressure_angle", "face_width", "addendum", "dedendum")
+OF_PLANETS = ("module", "pressure_angle", "helix_angle", "face_width", "addendum", "dedendum")
 """What planets share with the sun unless they have their own."""
 TYPES = ("rotational", "translational", "planet")
 
 
 @dataclass(frozen=True)
 class TrainSet:
-    """A set by its parameters p, with the rotors that are its gears, by member; where: its path below ``system``."""
+    """A set by its parameters p, with the rotors that are its gears, by member.
+
+    where: its path below ``system``. force: returns the force of a mesh of a set, N.
+    """
 
     p: Any
     rotors: Mapping[str, dict[str, Any]]
     material: dict[str, Any]
     where: Where
+    force: Callable[[TrainSet], Array]
 
     @property
     def name(self) -> str:
@@ -73,9 +77,11 @@ class TrainSet:
         sun = self.rotors["sun"]
         shared = {key: sun[key] for key in OF_PLANETS if key in sun}
         planet = shared | held(self.planets)
+        if sun.get("hand") is not None:
+            planet["hand"] = rotors.other(sun["hand"])  # the ring's is that of its rotor
         gears = {"sun": sun, "planet": planet, "ring": self.rotors["ring"]}
         meshes = {name: (self.p.get("meshes") or {}).get(name) or {} for name in ("sun", "ring")}
-        return SetTeeth(gears, meshes, self.material, self.p.get("centre_distance"))
+        return SetTeeth(gears, meshes, self.material, self.p.get("centre_distance"), lambda: self.force(self))
 
     @contextmanager
     def told(self) -> Iterator[None]:
@@ -121,6 +127,8 @@ class TrainSet:
                 message = f"the teeth of planet {n} do not fit: angles are multiples of 360 deg/(z_s + z_r)"
                 near = 360 / (sun + ring) * float(np.ravel(np.rint(steps))[0])
                 remedy = f'give "{near:.7g} deg" from the first one, or write angles: {ASSEMBLE}'
+                if np.any(np.abs(self.angles) > tau):
+                    remedy = f'plain numbers are radians: write "{float(np.ravel(angle)[0]):.6g} deg"'
                 raise TrainError((*self.where, "planets", "angles"), message, remedy)
             found.append(np.rint(steps) / (sun + ring) if steps.ndim else Fraction(round(float(steps)), sun + ring))
         return found
@@ -205,11 +213,25 @@ class TrainSetRows(SetRows):
         turning = {key: y * value for key, value in self.rotation("carrier").items()}
         return total(self.shift("carrier", x * cosine - y * sine, x * sine + y * cosine), turning)
 
+    def deflection(self, name: str, n: int, angle: Array) -> dict[str, Any]:
+        """Return the deflection with that along the axis: u - z tan beta_b of a right-handed gear in place of u.
+
+        Planets keep their place on the carrier.
+        """
+        lead = (self.item.teeth.sun if name == "sun" else self.item.teeth.ring).lead
+        return total(super().deflection(name, n, angle), self.slide(name, -lead), self.slide("carrier", lead))
+
+    def slide(self, body: str, along: Any) -> Row:
+        """Return ``along`` times the displacement of a member along the axis."""
+        name = f"{self.name(body)}.z"
+        return {name: along} if name in self.coordinates.units else {}
+
     def planets_of(self, factor: Array) -> Iterator[Element]:
         """Yield masses and bearings of the planets. factor: of all damping."""
         with self.item.told():
             mass, inertia = self.item.teeth.body("planet")
         support: dict[str, Any] = self.item.planets.get("support") or {}
+        yield Element(self.slide("carrier", 1.0), mass=self.planets * np.asarray(mass))
         for n in self.numbers:
             yield Element({self.name(f"planet{n}"): 1.0}, mass=inertia)
             for along in ((1.0, 0.0), (0.0, 1.0)):

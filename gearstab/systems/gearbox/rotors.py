@@ -1,13 +1,18 @@
-"""Mass and moment of inertia of the rotors of a train."""
+"""Mass, moment of inertia and radii of the rotors of a train, and the hands of their helices."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from gearstab.gears.geometry import transverse_angle
 from gearstab.system import Array
+from gearstab.systems.kinematics import TrainError
 
+HANDS = ("right", "left")
+"""Of helices."""
 STEEL = {"young": 206.8e9, "poisson": 0.3, "density": 7850.0, "shear": 80e9}
 
 
@@ -19,6 +24,11 @@ def is_gear(rotor: dict[str, Any]) -> bool:
 def moves(rotor: dict[str, Any]) -> bool:
     """Whether a rotor has a lateral support, and so moves in its plane."""
     return (rotor.get("support") or {}).get("stiffness") is not None
+
+
+def slides(rotor: dict[str, Any]) -> bool:
+    """Whether a rotor has an axial support, and so moves along its axis."""
+    return (rotor.get("support") or {}).get("axial_stiffness") is not None
 
 
 def turns(rotor: dict[str, Any], held: bool) -> bool:
@@ -33,19 +43,55 @@ def number(p: Any, key: str, default: float = 0.0) -> Array:
 
 
 def pitch_radius(rotor: dict[str, Any]) -> Array:
-    """m z/2."""
-    return 0.5 * number(rotor, "module") * float(rotor["teeth"])
+    """m_t z/2."""
+    return 0.5 * number(rotor, "module") / np.cos(number(rotor, "helix_angle")) * float(rotor["teeth"])
 
 
 def base_radius(rotor: dict[str, Any]) -> Array:
-    """R_b = (m z/2) cos alpha."""
-    return pitch_radius(rotor) * np.cos(number(rotor, "pressure_angle"))
+    """R_b = (m_t z/2) cos alpha_t."""
+    alpha, beta = number(rotor, "pressure_angle"), number(rotor, "helix_angle")
+    return pitch_radius(rotor) * np.cos(np.vectorize(transverse_angle, otypes=[float])(alpha, beta))
+
+
+def other(hand: str) -> str:
+    """Return the opposite hand."""
+    return HANDS[1 - HANDS.index(hand)]
+
+
+def hands(rotors: Sequence[dict[str, Any]], mates: Sequence[tuple[int, int, bool]]) -> list[str]:
+    """Return the hand of every rotor: as given by ``hand`` or a negative helix angle, else such as meshes.
+
+    mates: numbers of two gears in mesh, and whether their hands are equal. The first gear of which nothing follows is
+    right-handed. Angles may be texts with a unit. Raises TrainError for a right hand with a negative angle.
+    """
+    found: dict[int, str] = {}
+    for k, rotor in enumerate(rotors):
+        angle, hand = rotor.get("helix_angle"), rotor.get("hand")
+        negative = angle.strip().startswith("-") if isinstance(angle, str) else np.any(number(rotor, "helix_angle") < 0)
+        if negative and hand == "right":
+            message = "is right, and the helix_angle is negative, that of a left-handed gear"
+            raise TrainError(("rotors", k, "hand"), message, "remove one of the two, or change it")
+        if negative or hand is not None:
+            found[k] = "left" if negative else str(hand)
+    for k in range(len(rotors)):
+        while spread := {
+            b: found[a] if equal else other(found[a])
+            for one, two, equal in mates
+            for a, b in ((one, two), (two, one))
+            if a in found and b not in found
+        }:
+            found |= spread
+        found.setdefault(k, "right")
+    return [found[k] for k in range(len(rotors))]
 
 
 def _disc(rotor: dict[str, Any], density: Array | float) -> tuple[Array, Array]:
-    """(mass, square of the sum of both radii squared) of a disc of the face width with a bore."""
+    """(mass, sum of both radii squared) of a disc of the face width with a bore, of an internal gear of its rim."""
     outer = number(rotor, "body_radius") if rotor.get("body_radius") is not None else pitch_radius(rotor)
     inner = number(rotor, "bore_radius")
+    if rotor.get("internal") and rotor.get("bore_radius") is not None:
+        outer = inner if rotor.get("body_radius") is None else outer
+        inner = pitch_radius(rotor)
     mass = np.pi * density * number(rotor, "face_width") * (outer**2 - inner**2)
     return mass, outer**2 + inner**2
 

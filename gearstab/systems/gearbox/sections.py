@@ -27,7 +27,7 @@ from gearstab.systems.gearbox.build import build
 from gearstab.systems.gearbox.feasibility import check_train
 from gearstab.systems.gearbox.mesh import LUBRICATED, GearboxMesh
 from gearstab.systems.gearbox.missing import missing_of_teeth
-from gearstab.systems.gearbox.rotors import moves, turns
+from gearstab.systems.gearbox.rotors import moves, slides, turns
 from gearstab.systems.gearbox.set_sections import PlanetarySet, complete_angles, set_fault_conflicts
 from gearstab.systems.gearbox.set_sections import conflicts as set_conflicts
 from gearstab.systems.gearbox.train import Train
@@ -159,6 +159,7 @@ class Gearbox(System):
         held = {item.get(str(item.get("held"))) for item in sets}
         found = [True for rotor in rotors if turns(rotor, rotor.get("name") in held)]
         found += [False for rotor in rotors if moves(rotor) for _ in "xy"]
+        found += [False for rotor in rotors if slides(rotor)]
         for planets in (item.get("planets") or {} for item in sets):
             if not whole(planets.get("count"), 3, MOST_PLANETS):
                 return None
@@ -194,7 +195,7 @@ class Gearbox(System):
         yield from _names(raw)
         yield from set_conflicts(raw)
         yield from missing_of_teeth(raw, shared)
-        yield from _lubricated(raw)
+        yield from _loaded(raw)
         yield from _torques(raw)
         yield from _faults(raw)
 
@@ -240,25 +241,23 @@ def _faults(raw: dict[str, Any]) -> Iterator[Conflict]:
         yield from below("planetary_sets", below(i, set_fault_conflicts(item, teeth, planets.get("count"))))
 
 
-def _lubricated(raw: dict[str, Any]) -> Iterator[Conflict]:
-    """The friction of lubricated teeth depends on speed and load."""
+def _loaded(raw: dict[str, Any]) -> Iterator[Conflict]:
+    """The friction of lubricated teeth depends on speed and load, relief on the load."""
     driving = raw.get("input") or {}
-    for i, mesh in items(raw.get("meshes")):
+    torques = [item.get("torque") for item in (driving, *(item for _, item in items(raw.get("outputs"))))]
+    unloaded = all(torque is None for torque in torques)
+    for place, mesh in Gearbox.mesh_places(raw):
         kind = (mesh.get("friction") or {}).get("kind")
-        if kind not in LUBRICATED:
-            continue
-        if driving.get("speed") is None:
+        if kind in LUBRICATED and driving.get("speed") is None:
             message = f"{kind} friction depends on the speed, which is missing"
-            yield ("meshes", i, "friction"), "needs_other", message, "add speed to input, or choose constant friction"
-        outputs = [item.get("torque") for _, item in items(raw.get("outputs"))]
-        if driving.get("torque") is None and all(torque is None for torque in outputs):
+            yield (*place, "friction"), "needs_other", message, "add speed to input, or choose constant friction"
+        if kind in LUBRICATED and unloaded:
             message = f"{kind} friction depends on the load, and there are no torques"
-            yield (
-                ("meshes", i, "friction"),
-                "needs_other",
-                message,
-                "add torques to input or outputs, or choose constant friction",
-            )
+            remedy = "add torques to input or outputs, or choose constant friction"
+            yield (*place, "friction"), "needs_other", message, remedy
+        if mesh.get("relief") is not None and unloaded:
+            message = "what relief does depends on the load, and there are no torques"
+            yield (*place, "relief"), "needs_other", message, "add a torque to input, and outputs, or remove relief"
 
 
 def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:

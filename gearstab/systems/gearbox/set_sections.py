@@ -19,18 +19,17 @@ from gearstab.config.model.fields import (
     Length,
     Mass,
     NameText,
-    NonNegative,
     NonNegativeLength,
     Number,
     Quantity,
     Section,
-    Stiffness,
     ToothCount,
     Turns,
     Whole,
     also,
 )
 from gearstab.systems.gearbox.bodies import Support, Teeth
+from gearstab.systems.gearbox.mesh import TrainMeshKeys, relief_conflicts
 from gearstab.systems.parts.faults import Fault, fault_conflicts
 from gearstab.systems.parts.mesh import Named, ToothMesh
 from gearstab.systems.planetary import angles
@@ -74,32 +73,13 @@ class Planets(Teeth):
     )
 
 
-class SetMesh(ToothMesh):
+class SetMesh(ToothMesh, TrainMeshKeys):
     """The meshes of the sun, or of the ring, with the planets. What is not given follows from the teeth."""
 
     misplaced: ClassVar[dict[str, str]] = {
         "name": "the meshes of a set are called NAME.sun.1, ... and NAME.ring.1, ...",
         "lag": "lags of a set follow from its teeth; give phases: {sun_ring: ..} to the set for that of the ring",
     }
-
-    damping_ratio: NonNegative | None = Field(
-        default=None,
-        title="damping ratio of the mesh",
-        description="zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping.",
-    )
-    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = Field(
-        default=None,
-        title="double contact factor",
-        description="Stiffness of two pairs over the sum of theirs (1); 1 without.",
-    )
-    single_pair_stiffness: Stiffness | None = Field(
-        default=None,
-        title="measured stiffness of a pair",
-        description="In contact at the pitch point (N/m); the ring's teeth are not computed and need it.",
-    )
-    variation: NonNegative | None = Field(
-        default=None, title="measured variation", description="(max k - min k)/mean k of the mesh stiffness (1)."
-    )
 
 
 class SetMeshes(Section):
@@ -197,6 +177,7 @@ def _meshes(item: dict[str, Any]) -> Iterator[Conflict]:
         if (mesh := meshes.get(name)) is not None:
             place: Path = ("meshes", name)
             wrong = [*SetMesh.conflicts_of(mesh, True), *at_most_one(mesh, ("damping", "damping_ratio"))]
+            wrong += relief_conflicts(mesh)
             yield from (((*place, *path), code, message, hint) for path, code, message, hint in wrong)
     phases = item.get("phases") or {}
     if phases.get("rule") is not None and phases.get("sun_ring") is not None:

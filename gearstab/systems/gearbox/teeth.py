@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import tan
 from typing import Any
 
 import numpy as np
 
+from gearstab.config.model.introspection import held
 from gearstab.gears.friction import (
     BenedictKelley,
     ConstantFriction,
@@ -20,10 +22,11 @@ from gearstab.gears.friction import (
 from gearstab.gears.geometry import Gear
 from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
+from gearstab.gears.relief import FlankRelief, LoadedMesh, Relief, loaded_mesh
 from gearstab.system import Array
-from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, VARIATION, WAVE, from_teeth
+from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, POWERS, VARIATION, WAVE, from_teeth
 from gearstab.systems.gearbox.rotors import number
-from gearstab.waveforms import WAVEFORMS, Fourier, Tooth
+from gearstab.waveforms import WAVEFORMS, Fourier, Helical, Tooth
 from gearstab.waveforms.tooth import Piecewise, stacked
 
 Numbers = dict[tuple[str, str], float]
@@ -37,18 +40,21 @@ OF_MATERIAL = ("young", "poisson", "density")
 class MeshTeeth:
     """The teeth of one mesh.
 
-    gears: parameters of driver and driven gear; p: of the mesh; material: of both gears.
+    gears: parameters of driver and driven gear; p: of the mesh; material: of both gears. load: returns the normal
+    force, N, where it is known; it may raise TrainError.
     """
 
     gears: tuple[dict[str, Any], dict[str, Any]]
     p: Any
     material: dict[str, Any]
+    load: Callable[[], Array] | None = None
 
     @cached_property
     def _inputs(self) -> tuple[tuple[int, ...], list[Numbers]]:
         """Batch shape, and for each of its entries all numbers that matter, by name."""
         table: dict[tuple[str, str], Array] = {}
         for side, gear in zip(("driver", "driven"), self.gears, strict=True):
+            table[side, "helix_angle"] = number(gear, "helix_angle")
             for name, default in OF_GEAR.items():
                 if gear.get(name) is not None or default is not None:
                     table[side, name] = number(gear, name, default or 0.0)
@@ -57,6 +63,10 @@ class MeshTeeth:
         for name in ("centre_distance", "double_contact_factor", "single_pair_stiffness", "variation"):
             if self.p.get(name) is not None:
                 table["mesh", name] = number(self.p, name)
+        if self.relieved:
+            table["mesh", "force"] = self.force
+            for flank, part in self._flanks.items():
+                table |= {(flank, key): number(part, key) for key in ("amount", "length")}
         arrays = dict(zip(table, np.broadcast_arrays(*table.values()), strict=True))
         shape = next(iter(arrays.values())).shape
         flat = {key: values.ravel() for key, values in arrays.items()}
@@ -79,6 +89,7 @@ class MeshTeeth:
                 teeth=int(gear["teeth"]),
                 internal=bool(gear.get("internal")),
                 **{name: numbers[side, name] for name in OF_GEAR if (side, name) in numbers},
+                helix_angle=abs(numbers[side, "helix_angle"]) * (-1 if gear.get("hand") == "left" else 1),
                 **material,
             )
             for side, gear in zip(("driver", "driven"), self.gears, strict=True)
@@ -86,6 +97,32 @@ class MeshTeeth:
         centre = numbers.get(("mesh", "centre_distance"))
         # The pinion of an internal pair is the external gear, whichever of the two drives.
         return Pair(driven, driver, centre, wheel_drives=True) if driver.internal else Pair(driver, driven, centre)
+
+    @property
+    def _flanks(self) -> dict[str, Any]:
+        """The sections of relief, of ``tip`` and ``root``."""
+        return held(self.p.get("relief"))
+
+    @property
+    def relieved(self) -> bool:
+        """Whether the teeth have relief."""
+        return bool(self._flanks)
+
+    @cached_property
+    def force(self) -> Array:
+        """The normal force, N. Raises TrainError where it is not known."""
+        assert self.load is not None, "only meshes of a train are loaded"
+        return self.load()
+
+    @property
+    def helical(self) -> bool:
+        """Whether a gear has a helix angle."""
+        return any(np.any(number(gear, "helix_angle")) for gear in self.gears)
+
+    @property
+    def lead(self) -> Array:
+        """tan beta_b of the driver, positive of a right-handed one."""
+        return self.each(lambda pair: tan(pair.pinion.base_helix))
 
     @cached_property
     def models(self) -> list[StiffnessModel]:
@@ -100,8 +137,43 @@ class MeshTeeth:
 
     @cached_property
     def stiffness(self) -> list[MeshStiffness]:
-        """Over the mesh cycle. Raises ValueError where it cannot be computed."""
+        """Over the mesh cycle, the tangent one of teeth with relief. Raises ValueError where it cannot be computed."""
+        if self.relieved:
+            return [*self.loaded]
         return [mesh_stiffness(pair, model) for pair, model in zip(self.pairs, self.models, strict=True)]
+
+    @cached_property
+    def loaded(self) -> list[LoadedMesh]:
+        """Under the force of the mesh. Raises NotPossible where it cannot be computed or is not known."""
+        forces = np.broadcast_to(self.force, self.batch).ravel() if not self.relieved else None
+        found = []
+        for k, numbers in enumerate(self._inputs[1]):
+            force = numbers["mesh", "force"] if forces is None else float(forces[k])
+            found.append(loaded_mesh(self.pairs[k], self.models[k], self._relief(numbers), force))
+        return found
+
+    def _relief(self, numbers: Numbers) -> Relief:
+        """Relief of both gears alike."""
+        flanks = {
+            f"{gear}_{flank}": FlankRelief(
+                numbers[flank, "amount"], numbers[flank, "length"], POWERS[part.get("form") or "linear"]
+            )
+            for flank, part in self._flanks.items()
+            for gear in ("pinion", "wheel")
+        }
+        return Relief(**flanks)
+
+    @property
+    def error(self) -> Piecewise:
+        """The static transmission error of teeth with relief, m, over the mesh cycle."""
+        return stacked([mesh.error for mesh in self.loaded], self.batch)
+
+    @property
+    def start(self) -> Array:
+        """The phase at which a rectangular wave begins; 0 of other waves, and where contact does not depend on load."""
+        if not self.relieved or (self.p.get("waveform") or {}).get("kind", "rectangular") != "rectangular":
+            return np.zeros(())
+        return self.of_stiffness(lambda mesh: mesh.start)
 
     def each(self, value: Callable[[Pair], float]) -> Array:
         """A number of every pair, as an array of the batch."""
@@ -111,32 +183,45 @@ class MeshTeeth:
         """A number of every mesh stiffness, as an array of the batch."""
         return np.reshape([value(mesh) for mesh in self.stiffness], self.batch)
 
+    @property
+    def contact_ratio(self) -> Array:
+        """In the transverse section; of teeth with relief, under load."""
+        if self.relieved:
+            return self.of_stiffness(lambda mesh: mesh.contact_ratio)
+        return self.each(lambda pair: pair.contact_ratio)
+
     def filled(self) -> Any:
         """Return the section of the mesh with what the teeth give: mean stiffness, epsilon, contact ratio and wave."""
         p: dict[str, Any] = {}
         wanted = from_teeth(self.p)
-        rectangular = WAVEFORMS[(self.p.get("waveform") or {}).get("kind", "rectangular")].has_contact_ratio
+        kind = (self.p.get("waveform") or {}).get("kind", "rectangular")
+        rectangular = WAVEFORMS[kind].has_contact_ratio
         if MEAN in wanted:
             p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
         if CONTACT_RATIO in wanted and rectangular:
-            p["contact_ratio"] = self.each(lambda pair: pair.contact_ratio)
+            p["contact_ratio"] = self.contact_ratio
         if VARIATION in wanted:
             keep = self.p.get("reduction", "levels")
             p["epsilon"] = self.of_stiffness(lambda mesh: (mesh.rectangular(keep) if rectangular else mesh).epsilon)
-        return self.p | p | ({"wave": self.wave()} if WAVE in wanted else {})
+        if kind == "rectangular" and self.helical:
+            ratio = p.get("contact_ratio", self.p.get("contact_ratio"))
+            p["wave"] = Helical(ratio, self.each(lambda pair: pair.overlap_ratio))
+        elif WAVE in wanted:
+            p["wave"] = self.wave()
+        return self.p | p
 
     def wave(self) -> Tooth | Fourier:
         """The wave of the computed stiffness, or its first harmonics."""
         harmonics = (self.p.get("waveform") or {}).get("harmonics")
-        ratio = self.each(lambda pair: pair.contact_ratio)
+        ratio = None if self.relieved else self.each(lambda pair: pair.total_contact_ratio)
         whole = Tooth(stacked([mesh.curve for mesh in self.stiffness], self.batch), ratio)
         if harmonics is None:
             return whole
         pairs = [whole.fourier(s) for s in range(1, int(harmonics) + 1)]
         return Fourier(*(np.stack([pair[side] for pair in pairs], axis=-1) for side in (0, 1)))
 
-    def contact_ratio(self, p: dict[str, Any]) -> Array:
-        """The contact ratio that a mesh with these parameters gives, else that of the teeth."""
+    def given_contact_ratio(self, p: dict[str, Any]) -> Array:
+        """Return the contact ratio that a mesh with these parameters gives, else that of the teeth."""
         given = p.get("contact_ratio")
         return self.each(lambda pair: pair.contact_ratio) if given is None else np.asarray(given, dtype=float)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from gearstab.errors import NotPossible
 from gearstab.system import Array
 from gearstab.systems.assembly import Coordinates, Row
 from gearstab.systems.gearbox import rotors
+from gearstab.systems.gearbox.loads import pair_force, set_force
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undetermined, Where, alike, reactions, solve
@@ -23,13 +24,14 @@ from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undete
 class TrainMesh:
     """One mesh of a train: its name, how its gears turn, the driver first, their teeth, and the lag in mesh periods.
 
-    lag: exact where it follows from numbers of teeth alone.
+    lag: exact where it follows from numbers of teeth alone. turned: whether the driver is the second gear of ``teeth``.
     """
 
     name: str
     motion: MeshMotion
     teeth: MeshTeeth
     lag: Fraction | Array
+    turned: bool = False
 
     @property
     def gears(self) -> tuple[str, str]:
@@ -45,9 +47,16 @@ class Train:
 
     @cached_property
     def rotors(self) -> list[dict[str, Any]]:
-        """Gears with what they share."""
+        """Gears with what they share, and the hand of each where one is helical."""
         shared, own = held(self.p.get("gears")), [held(rotor) for rotor in self.p["rotors"]]
-        return [shared | rotor if rotors.is_gear(rotor) else rotor for rotor in own]
+        found = [shared | rotor if rotors.is_gear(rotor) else rotor for rotor in own]
+        if all(rotor.get("helix_angle") is None for rotor in found):
+            return found
+        place = {rotor["name"]: k for k, rotor in enumerate(own)}
+        mates = [(place[item["sun"]], place[item["ring"]], False) for item in self.p.get("planetary_sets") or []]
+        for one, two in ([place[name] for name in mesh["gears"]] for mesh in self.p.get("meshes") or []):
+            mates.append((one, two, bool(own[one].get("internal") or own[two].get("internal"))))
+        return [rotor | {"hand": hand} for rotor, hand in zip(found, rotors.hands(found, mates), strict=True)]
 
     @cached_property
     def place(self) -> dict[str, int]:
@@ -60,7 +69,7 @@ class Train:
         found = []
         for k, p in enumerate(self.p.get("planetary_sets") or []):
             members = {member: self.rotors[self.place[p[member]]] for member in MEMBERS}
-            found.append(TrainSet(p, members, self.material, ("planetary_sets", k)))
+            found.append(TrainSet(p, members, self.material, ("planetary_sets", k), partial(set_force, self)))
         return found
 
     @cached_property
@@ -160,6 +169,11 @@ class Train:
         carried = reactions(self._bodies, self._relations, taken)
         return {self._relations[k].where: value for k, value in reversed(carried.items())}
 
+    @property
+    def determinate(self) -> bool:
+        """Whether torques alone give all forces: no relation follows from the others."""
+        return len(self._relations) == len(self._bodies)
+
     def power(self, item: TrainSet) -> tuple[int, bool, int]:
         """Return how a set turns and carries the load: sigma, whether the sun drives, and the sign of the sun's torque.
 
@@ -181,7 +195,7 @@ class Train:
             for motion, (name, listed) in zip(item.motions, lags.items(), strict=True):
                 driven = motion if sun_drives else motion.reversed
                 for n, lag in enumerate(listed, start=1):
-                    found.append(TrainMesh(f"{item.name}.{name}.{n}", driven, teeth[name], lag))
+                    found.append(TrainMesh(f"{item.name}.{name}.{n}", driven, teeth[name], lag, not sun_drives))
         for k, motion in enumerate(self.motions):
             self._turning(motion)
             p = self.p["meshes"][k]
@@ -208,6 +222,15 @@ class Train:
         """1 where the driver of a pair turns counter-clockwise, -1 where clockwise."""
         return self.driving * (1 if self.motions[pair].relative(self.speeds) > 0 else -1)
 
+    def thrust(self, mesh: TrainMesh) -> Array:
+        """Return the axial force on the driver over the force of a mesh, tan beta_b or its negative.
+
+        It is positive along z, towards which a right-handed gear is pushed that drives counter-clockwise.
+        """
+        hand = -1 if mesh.turned and not mesh.motion.internal else 1
+        sense = self.driving * (1 if mesh.motion.relative(self.speeds) > 0 else -1)
+        return hand * sense * mesh.teeth.lead
+
     # ---- teeth
 
     def teeth_of(self, pair: int) -> MeshTeeth:
@@ -215,7 +238,8 @@ class Train:
         if pair not in self._teeth:
             driver, driven = self.pairs[pair]
             gears = self.rotors[driver], self.rotors[driven]
-            self._teeth[pair] = MeshTeeth(gears, self.p["meshes"][pair], self.material)
+            force = partial(pair_force, self, pair)
+            self._teeth[pair] = MeshTeeth(gears, self.p["meshes"][pair], self.material, force)
         return self._teeth[pair]
 
     @cached_property
@@ -228,7 +252,7 @@ class Train:
         try:
             angle = teeth.each(lambda pair: pair.pressure_angle)
         except NotPossible as error:
-            raise TrainError(("meshes", pair), error.message, "change the teeth") from None
+            raise TrainError(("meshes", pair), error.message, error.remedy or "change the teeth") from None
         position = rotors.number(self.p["meshes"][pair], "position")
         return line_of_action(position, angle, self.sense(pair), self.internal(pair))
 
@@ -240,8 +264,13 @@ class Train:
         return [k for k, rotor in enumerate(self.rotors) if rotors.moves(rotor)]
 
     @cached_property
+    def sliding(self) -> list[int]:
+        """Numbers of the rotors that move along their axis."""
+        return [k for k, rotor in enumerate(self.rotors) if rotors.slides(rotor)]
+
+    @cached_property
     def coordinates(self) -> Coordinates:
-        """Rotations, displacements of supported rotors, then planets.
+        """Rotations, displacements of supported rotors in their plane and along their axis, then planets.
 
         Each rotation is positive in the sense in which the body turns, so that every term of the rigid-body motion is
         positive; a held rotor has none without a torsional support. Displacements of the members of a set turn with its
@@ -249,6 +278,7 @@ class Train:
         """
         free = [k for k in range(len(self.rotors)) if rotors.turns(self.rotors[k], self.name(k) in self.held)]
         sides = {f"{self.name(k)}.{axis}": "m" for k in self.supported for axis in "xy"}
+        sides |= {f"{self.name(k)}.z": "m" for k in self.sliding}
         planets = {name: unit for item in self.sets for name, unit in item.coordinates.items()}
         return Coordinates(dict.fromkeys(map(self.name, free), "rad") | sides | planets)
 
@@ -260,6 +290,10 @@ class Train:
         """Return the displacement of a rotor along a direction (x, y) as a row."""
         name = self.name(rotor)
         return {f"{name}.x": along[0], f"{name}.y": along[1]} if rotor in self.supported else {}
+
+    def slide(self, rotor: int, along: Any) -> Row:
+        """Return ``along`` times the displacement of a rotor along its axis as a row."""
+        return {f"{self.name(rotor)}.z": along} if rotor in self.sliding else {}
 
     def shared(self, item: TrainSet) -> list[str]:
         """Supported members of a set that are in another mesh as well."""
@@ -275,8 +309,8 @@ class Train:
 
     @cached_property
     def masses(self) -> dict[int, Array]:
-        """Masses of the supported rotors."""
-        return {k: self._solid(k, 0) for k in self.supported}
+        """Masses of the rotors that move in their plane or along their axis."""
+        return {k: self._solid(k, 0) for k in sorted({*self.supported, *self.sliding})}
 
     def _solid(self, rotor: int, which: int) -> Array:
         """Mass (0) or moment of inertia (1)."""

@@ -59,7 +59,7 @@ def fault_conflicts(raw: dict[str, Any], gears: Sequence[Any], teeth: dict[str, 
     if faults and not together([item for _, item in faults]):
         message = "leave the pair without stiffness where both weak teeth meet"
         yield ("faults",), "out_of_range", message, "give factors whose losses 1 - factor add up to less than 1"
-    for key in ("friction", "backlash"):
+    for key in ("friction", "backlash", "relief"):
         if faults and raw.get(key):
             yield (key,), "not_applicable", "is not available with faults of the teeth", "keep one of the two"
 

@@ -119,8 +119,10 @@ class ToothMesh(Section):
     def conflicts_of(cls, raw: dict[str, Any], from_teeth: bool) -> Iterator[Conflict]:
         """Yield the contradictions of a mesh. from_teeth: whether teeth give what it does not."""
         wave = wave_of(raw.get("waveform"))
-        if wave is not None and wave.of_teeth:
-            message = "the teeth are unknown: only kind: gearbox has numbers of teeth"
+        if from_teeth:
+            yield from given_by_teeth(raw)
+        elif wave is not None and wave.of_teeth:
+            message = "the teeth are unknown: a gearbox, or a planetary gear with gears, has them"
             yield (
                 ("waveform", "kind"),
                 "not_applicable",
@@ -138,6 +140,38 @@ class ToothMesh(Section):
             raw, ("damping",), "add damping, the mean of the damping that follows the stiffness"
         )
         yield from within(raw, "transmission_error", TransmissionError.conflicts)
+
+
+class StiffnessOfTeeth(Section):
+    """What is measured of a stiffness that follows from the teeth, and how their pairs add up."""
+
+    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = Field(
+        default=None,
+        title="double contact factor",
+        description="Of teeth: stiffness of two pairs over the sum of theirs (1), as teeth on one body deflect each "
+        "other; 1 without.",
+    )
+    single_pair_stiffness: Stiffness | None = Field(
+        default=None,
+        title="measured stiffness of a pair",
+        description="Of teeth: in contact at the pitch point (N/m); of an internal gear, all along the path.",
+    )
+    variation: NonNegative | None = Field(
+        default=None,
+        title="measured variation",
+        description="Of teeth: (max k - min k)/mean k of the mesh stiffness (1).",
+    )
+
+
+def given_by_teeth(raw: dict[str, Any]) -> Iterator[Conflict]:
+    """Yield what the wave of the teeth gives by itself."""
+    wave = wave_of(raw.get("waveform"))
+    if wave is None or not wave.of_teeth:
+        return
+    for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
+        if raw.get(key) is not None:
+            remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
+            yield (key,), "already_given", "the teeth give it", f"{remedy}single_pair_stiffness and variation"
 
 
 def following_conflicts(raw: dict[str, Any], keys: Sequence[str], hint: str) -> Iterator[Conflict]:

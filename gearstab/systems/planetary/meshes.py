@@ -9,36 +9,17 @@ from pydantic import Field
 from gearstab.config.model.fields import (
     Choice,
     Length,
-    NonNegative,
     Number,
-    Quantity,
     Section,
-    Stiffness,
     ToothCount,
     Turns,
 )
-from gearstab.systems.parts.mesh import ToothMesh
+from gearstab.systems.parts.mesh import StiffnessOfTeeth, ToothMesh
 from gearstab.systems.planetary.phasing import DRIVES, RULES
 
 
-class PlanetaryMesh(ToothMesh):
+class PlanetaryMesh(ToothMesh, StiffnessOfTeeth):
     """The meshes of the sun, or of the ring, with the planets: all alike but for their phases."""
-
-    single_pair_stiffness: Stiffness | None = Field(
-        default=None,
-        title="measured stiffness of a pair",
-        description="With gears: in contact at the pitch point (N/m); the ring's teeth are not computed and need it.",
-    )
-    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = Field(
-        default=None,
-        title="double contact factor",
-        description="With gears: stiffness of two pairs over the sum of theirs (1); 1 without.",
-    )
-    variation: NonNegative | None = Field(
-        default=None,
-        title="measured variation",
-        description="With gears: (max k - min k)/mean k of the mesh stiffness (1).",
-    )
 
     misplaced: ClassVar[dict[str, str]] = {
         "name": "the meshes are called sun1, sun2, ... and ring1, ring2, ...",

@@ -6,9 +6,10 @@ distance and profile shifts, what is not given is chosen such that the meshes ha
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import cos
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,9 @@ from gearstab.systems.kinematics import TrainError
 from gearstab.systems.planetary.phasing import Turning
 
 BODIES = ("sun", "planet", "ring")
-CUT = ("module", "pressure_angle", "addendum", "profile_shift", "tip_radius")
+HANDS = {"sun": "right", "planet": "left", "ring": "left"}
+"""One of two ways in which helical gears of a set mesh."""
+CUT = ("module", "pressure_angle", "helix_angle", "addendum", "profile_shift", "tip_radius")
 """Numbers of a gear on which profile shifts and tips depend."""
 
 
@@ -33,13 +36,15 @@ class SetTeeth:
     """The teeth of one set.
 
     gears: parameters of ``sun``, ``planet`` and ``ring``; meshes: of both kinds of meshes, ``sun`` and ``ring``;
-    material: of all gears; centre_distance: m, None where it follows. Numbers may have a batch shape.
+    material: of all gears; centre_distance: m, None where it follows; force: returns that of a mesh, N, where it is
+    known. Numbers may have a batch shape.
     """
 
     gears: dict[str, dict[str, Any]]
     meshes: Mapping[str, Any]
     material: dict[str, Any]
     centre_distance: Any = None
+    force: Callable[[], Array] | None = None
 
     @cached_property
     def _cut(self) -> dict[tuple[str, str], Array]:
@@ -56,23 +61,28 @@ class SetTeeth:
         """Shifts and tips of one entry of the batch."""
         counts = {body: int(self.gears[body]["teeth"]) for body in BODIES}
         module, alpha = numbers["sun", "module"], numbers["sun", "pressure_angle"]
+        beta = abs(numbers.get(("sun", "helix_angle"), 0.0))
+        transverse = module / cos(beta)
         given = {body: numbers[body, "profile_shift"] for body in BODIES if (body, "profile_shift") in numbers}
         centre = numbers.get(("", "centre_distance"))
         if centre is None and {"sun", "planet"} <= given.keys():
-            first, second = (self.gears[b] | {"module": module, "pressure_angle": alpha, "profile_shift": given[b]}
-                             for b in ("sun", "planet"))  # fmt: skip
+            cut = {"module": module, "pressure_angle": alpha, "helix_angle": beta}
+            first, second = (
+                self.gears[b] | cut | {"profile_shift": given[b], "hand": HANDS[b]} for b in ("sun", "planet")
+            )
             centre = MeshTeeth((first, second), {}, STEEL).pairs[0].centre
         elif centre is None:
-            centre = halfway(module, counts["sun"], counts["ring"])
-        shifts = closing_shifts(counts, module, alpha, centre, given)
-        moved = centre / module - (counts["sun"] + counts["planet"]) / 2
+            centre = halfway(transverse, counts["sun"], counts["ring"])
+        shifts = closing_shifts(counts, module, alpha, centre, given, beta)
+        moved = (centre - transverse * (counts["sun"] + counts["planet"]) / 2) / module
         shortening = max(round(shifts["sun"] + shifts["planet"] - moved, 12), 0.0)
         found = {("", "centre_distance"): centre}
         for body in BODIES:
             found[body, "profile_shift"] = shifts[body]
             found[body, "tip_shortening"] = 0.0 if body == "ring" else shortening
             if (tip := numbers.get((body, "tip_radius"))) is not None:
-                above = (tip / module - counts[body] / 2 - shifts[body]) * (-1 if body == "ring" else 1)
+                above = (tip - transverse * counts[body] / 2) / module - shifts[body]
+                above *= -1 if body == "ring" else 1
                 found[body, "tip_shortening"] = numbers.get((body, "addendum"), 1.0) - above
         return found
 
@@ -101,12 +111,14 @@ class SetTeeth:
 
     def _mesh(self, name: str, first: str, second: str) -> MeshTeeth:
         gears = self.cut[first], self.cut[second]
-        return MeshTeeth(gears, self.meshes[name] | {"centre_distance": self.centre}, self.material)
+        return MeshTeeth(gears, self.meshes[name] | {"centre_distance": self.centre}, self.material, self.force)
 
     def filled(self, name: str) -> Any:
         """Return the parameters of the ``sun`` or the ``ring`` meshes, with what the teeth give. Raises TrainError."""
         try:
             return {"sun": self.sun, "ring": self.ring}[name].filled()
+        except TrainError:
+            raise
         except NotPossible as error:
             remedy = f"{error.remedy or 'change the teeth'}, or mean_stiffness and epsilon"
             raise TrainError(("meshes", name), error.message, remedy) from None
@@ -145,9 +157,9 @@ def with_teeth(p: Any) -> Any:
         return p
     counts, tips, shifts = p["teeth"], *(held(p["teeth"].get(key)) for key in ("tip_radius", "profile_shift"))
     gears = {
-        body: held(p["gears"]) | {"teeth": counts[body], "internal": body == "ring",
+        body: held(p["gears"]) | {"teeth": counts[body], "internal": body == "ring", "hand": hand,
                             "tip_radius": tips.get(body), "profile_shift": shifts.get(body)}
-        for body in BODIES
+        for body, hand in HANDS.items()
     }  # fmt: skip
     found = SetTeeth(gears, dict(p["meshes"]), STEEL, counts.get("centre_distance"))
     moving, phases = Turning.of(p, counts["sun"], counts["ring"]), held(p.get("phases"))

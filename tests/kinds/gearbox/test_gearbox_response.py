@@ -126,7 +126,6 @@ def test_internal_teeth_share_the_load_and_helical_ones_or_teeth_that_would_part
     alone = np.round(found.load, 12) == 100.0
     assert 0 < alone.sum() < 20
     assert np.all((found.load[~alone] > 35.0) & (found.load[~alone] < 65.0))
-    # Both pairs of one phase are a base pitch apart and carry the whole.
     equal = tooth_loads(LoadedTeeth(ring, StiffnessModel(single_pair_stiffness=1e8), ("a", "b")), phase, force, 100, 20)
     assert set(np.round(equal.load, 12)) <= {50.0, 100.0}
     helical = Pair(Gear(18, 0.002, helix_angle=0.3), Gear(60, 0.002, helix_angle=-0.3))

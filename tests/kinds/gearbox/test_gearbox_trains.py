@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from fractions import Fraction
 from math import cos, pi, radians, sin
 from typing import Any
@@ -200,8 +201,22 @@ def test_an_internal_pair_with_a_measured_stiffness() -> None:
     # One pair of 200 N/um all along its path: the mean is c of them.
     assert float(system.meshes[0].mean_stiffness) == pytest.approx(c * 2e8, rel=1e-12)
     assert float(system.meshes[0].lowest_stiffness) == pytest.approx(np.floor(c) * 2e8, rel=1e-12)
-    with pytest.raises(TrainError, match="give single_pair_stiffness"):
-        build(train([gear("a", 20), ring], [{"name": "m", "gears": ["a", "ring"]}]))
+    # Without it that of the teeth, on a rigid rim or on one that is held at its outer radius.
+    rigid, held = (
+        build(train([gear("a", 20), ring | rim], [{"name": "m", "gears": ["a", "ring"]}]))
+        for rim in ({}, {"bore_radius": 0.07})
+    )
+    assert float(rigid.meshes[0].mean_stiffness) == pytest.approx(mesh_stiffness(pair).mean, rel=1e-12)
+    elastic = replace(pair, wheel=replace(pair.wheel, bore_radius=0.07))
+    assert float(held.meshes[0].mean_stiffness) == pytest.approx(mesh_stiffness(elastic).mean, rel=1e-12)
+    assert held.meshes[0].mean_stiffness < 0.9 * rigid.meshes[0].mean_stiffness
+
+
+def test_the_body_of_an_internal_gear_is_its_rim() -> None:
+    ring = gear("ring", 60, internal=True, bore_radius=0.07)
+    system = build(train([gear("a", 20), ring], [{"name": "m", "gears": ["a", "ring"]}]))
+    mass = pi * 7850 * 0.02 * (0.07**2 - 0.06**2)
+    assert float(system.mass[1, 1]) == pytest.approx(mass * (0.07**2 + 0.06**2) / 2, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from planetary_gears import parameters
+from scipy.linalg import eigh
 
 import gearstab as gs
 from gearstab.config import ConfigError, load
@@ -188,3 +189,33 @@ def test_loads_on_a_gear_that_is_held_and_one_that_is_not() -> None:
     found = steady_state(held, 82 * speed, 4).displacement
     expected = np.linalg.solve(stiffness, held.load)
     np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("planets", [4, 5])
+def test_pairs_of_translational_modes_split_as_first_order_says(planets: int) -> None:
+    """w -+ (W/2) phi_1^T G phi_2 (Lin & Parker 1999), with G = 2 m [[0, -1], [1, 0]] of each body."""
+    own = GEARS[0]["parameters"] | {"planets": planets}
+    rest = built({key: value for key, value in section(own, 0).items() if key != "carrier_speed"})
+    squared, shapes = eigh(rest.mean_stiffness_matrix(), rest.mass)
+    frequency = np.sqrt(np.maximum(squared, 0.0))
+    gyroscopic, mass = np.zeros_like(rest.mass), np.asarray(rest.mass)
+    for body in range(len(mass) // 3):
+        x, y = 3 * body, 3 * body + 1
+        gyroscopic[x, y], gyroscopic[y, x] = -2 * mass[x, x], 2 * mass[x, x]
+    modal = shapes.T @ gyroscopic @ shapes
+    equal = np.flatnonzero(np.diff(frequency) < 1e-6 * frequency[-1])
+    # Planet modes of five planets are pairs too, of bodies that move against each other.
+    pairs = [p for p in equal if frequency[p] > 1.0]
+    assert len(pairs) >= 6
+    for speed in (20.0, 40.0):
+        moved = np.sort(mean_motions(built(section(own, {"speed": speed}, pin_preload=False))).frequency[0])
+        for p in pairs:
+            split = speed * abs(modal[p, p + 1])
+            # Errors of first order are of order (W/w)^2 of w.
+            assert moved[p + 1] - moved[p] == pytest.approx(split, rel=1e-3, abs=2 * speed**2 / frequency[p])
+    for p in pairs:
+        if planets == 4 and abs(frequency[p] / (2 * np.pi) - 727.27) < 0.01:
+            assert abs(modal[p, p + 1]) == pytest.approx(1.842, abs=5e-4)
+            break
+    else:
+        assert planets == 5

@@ -4,7 +4,6 @@ limit, and a smoothed gap by another program.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -14,8 +13,9 @@ from backlash_pairs import CASES, MOTIONS, pair, sorted_multipliers
 from scipy.integrate import solve_ivp
 
 from gearstab.response.branches.continuation import DOUBLING, FOLD, StepLimits
+from gearstab.response.branches.motions import GRAZING, Branch
 from gearstab.response.branches.sections import SectionMap
-from gearstab.response.branches.solve import GRAZING, Branch, BranchSearch, Starts
+from gearstab.response.branches.solve import BranchSearch, Starts
 from gearstab.response.linear.speeds import speed_response
 
 Array = np.ndarray
@@ -153,26 +153,6 @@ def test_without_loss_of_contact_the_branch_is_the_linear_steady_state() -> None
     np.testing.assert_allclose(peak, linear.mesh_force_peak[0, :, 0], rtol=1e-8)
 
 
-def test_a_symmetric_system_loses_stability_twice_at_once() -> None:
-    """Two equal pairs: both multipliers are -1 together, and branches leave by one pair alone, or by both."""
-    one = pair(ALWAYS)
-    mesh = one.meshes[0]
-    meshes = tuple(replace(mesh, name=name, direction=g) for name, g in zip("ab", np.eye(2), strict=True))
-    two = replace(
-        one, mass=np.eye(2), stiffness=np.zeros((2, 2)), damping=0.1 * np.eye(2), load=np.full(2, 0.5), meshes=meshes,
-        coordinates=("a", "b"),
-    )  # fmt: skip
-    found = BranchSearch(SectionMap(two), StepLimits(1.7, 2.0, most=300), switch=True).run(Starts((1.75,)))
-    (doubling,) = [motion for motion in found[0].motions if motion.kind == DOUBLING]
-    assert doubling.parameter == pytest.approx(1.831451230890225, abs=1e-11)
-    assert doubling.multiplicity == 2
-    doubled = [branch for branch in found if branch.parent == 0]
-    lost = [tuple(branch.motions[3].cycle.contact_loss > 0) for branch in doubled]
-    assert sorted(lost) == [(False, True), (True, False), (True, True), (True, True)]
-    in_step = [np.ptp(branch.motions[3].cycle.rms) < 1e-9 for branch in doubled]
-    assert sum(in_step) == 2
-
-
 class Smoothed:
     """The pair with a smooth gap: the force k (x - b) of the upper flank is k s ln(1 + exp((x - b)/s)), its own
     shooting, arclength and folds.
@@ -209,18 +189,20 @@ class Smoothed:
             y = solve_ivp(rate, (0, 2 * np.pi * part), y, "LSODA", rtol=1e-10, atol=1e-11).y[:, -1]
         return y[:2], np.column_stack([y[2:6].reshape(2, 2) - np.eye(2), y[6:]])
 
-    def fold(self, u: Array, direction: float) -> float:
-        """Follow u = (x, x', omega) in a direction of omega until it turns; omega there, by secants on its tangent."""
+    def folds(self, u: Array, count: int) -> list[float]:
+        """Follow u = (x, x', omega), upwards at first, through some folds; omega there, by secants on the tangent."""
         u, step = self.newton(u, np.array([0.0, 0.0, 1.0])), 0.05
-        tangent = self.tangent(u, np.array([0.0, 0.0, direction]))
-        while True:
+        tangent, found = self.tangent(u, np.array([0.0, 0.0, 1.0])), []
+        while len(found) < count:
             ahead = self.newton(u + step * tangent, tangent)
             following = self.tangent(ahead, tangent)
-            if following[2] * direction < 0:
-                break
+            if following[2] * tangent[2] < 0:
+                found.append(self.turn(u, tangent, step, following[2]))
             u, tangent = ahead, following
-        low, high, left, right = 0.0, step, tangent[2], following[2]
-        base, along = u, tangent
+        return found
+
+    def turn(self, base: Array, along: Array, high: float, right: float) -> float:
+        low, left = 0.0, along[2]
         for _ in range(12):
             middle = low + (high - low) * left / (left - right)
             u = self.newton(base + middle * along, along)
@@ -246,12 +228,20 @@ class Smoothed:
 
 @pytest.mark.slow
 def test_folds_of_a_smoothed_gap_go_to_ours() -> None:
-    """The primary folds: the error falls as the square of the smoothing, and its limit is ours to 1e-5."""
-    ours = {point["mesh_frequency"] for point in ALWAYS["special_points"] if point["kind"] == "fold"}
-    upper = min(ours, key=lambda w: abs(w - 0.79147))
+    """Three folds, of both jumps of the resonance and of both flanks: the error falls as the square of the smoothing,
+    and its limit is ours to 1e-5, what the next order leaves. The second motion is 0.012 deep in the other flank, not
+    more than the smoothing: a force of that size for its root in time falls as the power 3/2, and as the square only
+    below, so that the limit is less exact.
+    """
+    known = [point["mesh_frequency"] for point in ALWAYS["special_points"] if point["kind"] == "fold"]
+    ours = np.array([min(known, key=lambda w: abs(w - near)) for near in (0.79147, 0.61636, 0.75861)])
     start = np.array([1.6942168458436024, -0.17539252890860915, 0.7])
-    folds = np.array([Smoothed(ALWAYS, s).fold(start, 1.0) for s in (0.02, 0.01, 0.005)])
-    differences = np.abs(folds - upper)
-    assert differences[2] < differences[1] < differences[0] < 1e-2
-    assert 3 < (folds[0] - folds[1]) / (folds[1] - folds[2]) < 5
-    assert abs(folds[2] + (folds[2] - folds[1]) / 3 - upper) < 1e-5
+    smoothing = (0.02, 0.01, 0.005)
+    folds = np.array([Smoothed(ALWAYS, s).folds(start, 3) for s in smoothing])
+    differences = np.abs(folds - ours)
+    assert (differences[2] < differences[1]).all()
+    assert (differences[1] < differences[0]).all()
+    order = np.log2(np.abs((folds[0] - folds[1]) / (folds[1] - folds[2])))
+    np.testing.assert_allclose(order, [2, 1.5, 2], atol=0.05)
+    limit = folds[2] + (folds[2] - folds[1]) / (2**order - 1)
+    assert (np.abs(limit - ours) < [1e-5, 5e-5, 1e-5]).all()

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +87,26 @@ def test_the_result_holds_the_branches_of_every_system(tree: xr.DataTree) -> Non
     # The whole branch is one: ends at both ends of the range.
     status = row["status"].values[there]
     assert (status[0] & 1, status[-1] & 1) == (1, 1)
+
+
+def test_a_killed_run_goes_on_where_it_was(tree: xr.DataTree, tmp_path: Path) -> None:
+    """By SIGKILL, which no process can heed, with the branches of one system in a file and those of the next begun."""
+    configured(tmp_path, CONFIG)
+    soon = "from gearstab.sweep.storage import store; store.MOST_SECONDS = 0.0"
+    code = f"{soon}; from gearstab.__main__ import main; main()"
+    command = [sys.executable, "-c", code, "sweep", "branches.yaml", "-o", "out.h5", "-j", "1", "-q"]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen(command, cwd=tmp_path, env=environment)
+    while not list((tmp_path / "out.h5.parts").rglob("*.part")):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.kill()
+    assert process.wait() != 0
+    assert not (tmp_path / "out.h5").exists()
+    again = subprocess.run(command[:-1], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    assert "going on with 1 of 2 blocks" in again.stderr
+    with open_result(tmp_path / "out.h5") as found:
+        xr.testing.assert_identical(found["branches"].to_dataset().load(), tree["branches"].to_dataset())
 
 
 def test_the_figure_has_dashes_marks_and_arrows(tree: xr.DataTree) -> None:

@@ -90,6 +90,15 @@ def test_two_multipliers_that_cross_at_once() -> None:
     np.testing.assert_allclose(found.vector.T @ found.vector, np.eye(2), atol=1e-12)
 
 
+def test_a_double_fold_that_rounding_parts_is_one() -> None:
+    """Two equal parabolas, one of them lower by 1e-10, have folds that are 1e-5 apart along the curve."""
+    offset = np.array([0.0, 1e-10])
+    image = curve(lambda x, p: x + p - offset - x**2, lambda x, p: np.diag(1 - 2 * x))
+    points, _ = followed(image, [0.7, np.sqrt(0.49 - 1e-10)], 0.49, -1, StepLimits(-1.0, 0.6))
+    folds = [(kind, multiplicity) for kind, _, multiplicity in special(points)]
+    assert folds == [(FOLD, 2)]
+
+
 def test_two_multipliers_that_cross_within_a_step() -> None:
     """A map and a slightly slower one: doublings at 3 and 3.001, told apart within one step."""
     image = curve(

@@ -97,7 +97,7 @@ def _look(scan: Scan, row: Array, x: Array, near: Array, cell: Array, floor: flo
     row, cycle, width = (np.concatenate([getattr(one, name) for one in seen]) for name in ("row", "cycle", "width"))
     extrema = np.concatenate([one.extrema for one in seen])
     for looked in (samples, row):
-        scan.cover.count(looked, MODULI)
+        scan.cover.count(looked, MODULI + chain.exponential)
     width = np.clip(width, floor * cycle, BESIDE * cell[row])
     k, which = np.nonzero(np.abs(extrema) < cell[row][:, None])
     cycle = np.concatenate([cycle, cycle - width, cycle + width, cycle[k] + extrema[k, which]])

@@ -155,7 +155,7 @@ class Cover:
     def sample(self, row: Array, x: Array) -> MultiplierSamples:
         """Multipliers at further points, which are kept; rows ascend."""
         found = MultiplierSamples(row, x, kernel.moduli(self.chain, row, np.exp(x)))
-        self.count(row, MODULI)
+        self.count(row, MODULI + self.chain.exponential)
         self.samples = self.samples.joined(found)
         return found
 
@@ -163,7 +163,7 @@ class Cover:
         """Record evaluations at points ``(P,)`` of so many products a segment each."""
         count = np.bincount(row, minlength=len(self.work))
         self.evaluations += count
-        self.work += (products + self.chain.overhead) * len(self.chain.states) * count
+        self.work += products * len(self.chain.states) * count
 
     def prove(self, row: Array, x: Array) -> None:
         """Sample points and try a proof at each."""
@@ -177,7 +177,7 @@ class Cover:
             radius[tried] = SAFETY * kernel.radii(self.chain, *given)
             # One that is 0 says that not even Q is positive.
             radius[(radius == 0).any(axis=1)] = 0.0
-            self.count(found.row[tried], PROOF)
+            self.count(found.row[tried], PROOF + self.chain.preparation)
         high = np.minimum(found.x + np.log1p(radius[:, 0]), self.last[found.row])
         low = np.maximum(found.x + np.log1p(-radius[:, 1]), self.first[found.row])
         kind = np.where(low < high, PROVED, FAILED)
@@ -297,7 +297,7 @@ def cover(chain: Chain, first: Array, last: Array, tolerance: float, floor: floa
     count = (last - first) / (FIRST * np.maximum(usual, LIGHTEST))
     sound = chain.sound & (chain.rates > 0).all(axis=1) & (chain.frequencies > 0).all(axis=1)
     found.provable = (
-        sound & (count <= MOST) & (count * (PROOF + chain.overhead) * len(chain.states) < HOPELESS * budget)
+        sound & (count <= MOST) & (count * (PROOF + chain.preparation) * len(chain.states) < HOPELESS * budget)
     )
     count = np.ceil(np.where(found.provable, np.maximum(count, FEWEST), FEWEST)).astype(int)
     row = np.repeat(np.arange(len(count)), count)

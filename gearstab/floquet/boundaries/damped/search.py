@@ -36,6 +36,10 @@ EVALUATIONS, SPECTRA = 75, 25
 30 to 170, and 7 to 66; half of the rates and two thirds of the spectra beside edges."""
 MEETINGS, PURSUIT = 1_700, 27.0
 """Meetings of a row, and budgets for these, up to which they are pursued."""
+PATIENCE = 20.0
+"""Budgets of a scan with the step set by damping where generators go with the mesh frequency, so that points cost
+more, and proofs far more.
+"""
 BESIDE_EDGES = 4
 """Rounds in which edges are looked beside: regions found beside an edge have edges of their own."""
 NO_GROWTH = 1e-13
@@ -148,9 +152,10 @@ class ScanPlan:
         """What the budget allows for."""
         chain, opened = scan.cover.chain, scan.opened
         left = np.bincount(opened.row, opened.width, minlength=len(first))
-        more = chain.overhead * len(chain.states)
+        more = chain.exponential * len(chain.states)
         each = MODULI * len(chain.states) + more
-        most = float(np.clip(products / each, COARSEST, FINEST))
+        budgets = 1.0 if chain.following is None else PATIENCE
+        most = float(np.clip(budgets * products / each, COARSEST, FINEST))
         step = STEP * damping_ratio(chain)
         counted = left <= most * step
         meetings = np.maximum(collisions(chain, first, last), COARSEST / RASTER)

@@ -29,12 +29,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.boundaries.counting.krein import spectrum
+from gearstab.floquet.boundaries.counting.pairs import KreinSpectrum
 from gearstab.system import Array
 
 DRIFT = 2.0
 """Change of E over e^2 |h|, at most: four times what random systems need, of which 0.05 loses regions."""
 FAR = 1.0
 """Radius over 1/e that is relied on at most."""
+DEEP = 4.0
+"""ln |lambda| from which on the inverse of P is lost in rounding, so that the largest multiplier tells the radius."""
+PART = 0.5
+"""Radians of the fastest motion in that radius; some DEEP of them take a pair back to the circle."""
 NEAR = 1 - 4.0 ** -np.arange(1, 14)
 """Parts of a first-order radius that are tried with all terms, besides halves."""
 
@@ -45,7 +50,7 @@ class KreinPhases:
 
     phase, depth ``(P, 2n)``: ln lambda = depth + i phase, depth 0 on the circle. speed ``(P, 2n, 2n)``: E. partner
     ``(P, 2n)``: of one off the circle the other one of its pair, else -1. known ``(P,)``: whether there are n of each
-    sign.
+    sign. deep ``(P,)``: a radius by the largest multiplier, 0 where it is not far from the circle.
     """
 
     phase: Array
@@ -53,6 +58,7 @@ class KreinPhases:
     speed: Array
     partner: Array
     known: Array
+    deep: Array
 
     @property
     def unstable(self) -> Array:
@@ -60,8 +66,8 @@ class KreinPhases:
         return np.asarray((self.partner >= 0).any(axis=1))
 
     @classmethod
-    def of(cls, matrix: Array, slope: Array) -> KreinPhases:
-        """From P and dP/dx ``(P, 2n, 2n)``."""
+    def of(cls, matrix: Array, slope: Array, radian: Array) -> KreinPhases:
+        """From P and dP/dx ``(P, 2n, 2n)``; radian ``(P,)``: of the fastest motion over the period, in x."""
         points, n, each = len(matrix), matrix.shape[-1] // 2, np.arange(len(matrix))[:, None]
         found = spectrum(matrix)
         outside = np.abs(found.values) > 1
@@ -82,17 +88,22 @@ class KreinPhases:
         known &= pairs.all(axis=1)
         phase, depth = np.angle(values), np.where(off, np.log(np.abs(values)), 0.0)
         speed = np.where(known[:, None, None], speed, np.zeros((points, 1, 1)))
-        return cls(phase, depth, speed, partner, known)
+        return cls(phase, depth, speed, partner, known, np.where(_growth(found) > DEEP, PART * radian, 0.0))
 
     def radii(self) -> Array:
         """``(P, 2)``: how far down and up in x the verdict is the same; 0 where nothing is known."""
-        result = np.zeros((len(self.phase), 2))
+        result = np.repeat(self.deep[:, None], 2, axis=1)
         for chosen, radius in ((~self.unstable, _apart), (self.unstable, _off)):
-            k = np.flatnonzero(chosen & self.known)
+            k = np.flatnonzero(chosen & self.known & (self.deep == 0))
             if len(k):
-                own = KreinPhases(*(getattr(self, name)[k] for name in ("phase", "depth", "speed", "partner", "known")))
+                own = KreinPhases(*(part[k] for part in vars(self).values()))
                 result[k] = np.stack([radius(own, -1.0), radius(own, 1.0)], axis=1)
         return result
+
+
+def _growth(found: KreinSpectrum) -> Array:
+    """``(P,)``: ln of the largest multiplier off the circle."""
+    return np.log(np.where(found.off, np.abs(found.values), 1.0).max(axis=1))
 
 
 def _rotated(matrix: Array) -> Array:

@@ -14,9 +14,9 @@ import numpy as np
 
 from gearstab.floquet.boundaries.damped.proof import running_maximum
 from gearstab.floquet.boundaries.damped.search import SearchResult, Stretches
-from gearstab.floquet.boundaries.gyroscopic.canonical import CanonicalPeriods
 from gearstab.floquet.boundaries.gyroscopic.phases import KreinPhases
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
+from gearstab.floquet.general.canonical import CanonicalPeriods
 from gearstab.interrupts import heed
 from gearstab.system import Array
 
@@ -40,7 +40,7 @@ def search(periods: CanonicalPeriods, first: Array, last: Array, tolerance: floa
 
     Rows in which a gap is left open are not counted; their step is the widest one.
     """
-    found = Cover(periods, np.log(first), np.log(last))
+    found = VerdictCover(periods, np.log(first), np.log(last))
     count = len(first)
     found.add(np.repeat(np.arange(count), FEWEST), np.linspace(found.first, found.last, FEWEST, axis=1).ravel())
     for _ in range(ROUNDS):
@@ -99,7 +99,7 @@ class VerdictGaps:
         return self.row[owner], self.left[owner] + self.width[owner] * (number + 0.5) / np.repeat(count, count)
 
 
-class Cover:
+class VerdictCover:
     """Points of rows in order of (row, x), x = ln(1/Omega): their verdicts, and the stretches on which these hold."""
 
     def __init__(self, periods: CanonicalPeriods, first: Array, last: Array) -> None:
@@ -107,12 +107,14 @@ class Cover:
         self.row, self.unstable = np.empty(0, dtype=int), np.empty(0, dtype=bool)
         self.x, self.low, self.high = np.empty((3, 0))
         self.evaluations = np.zeros(len(first), dtype=np.int64)
+        self.fastest = periods.radians(0.5 * (np.exp(-first) + np.exp(-last)))
 
     def look(self, row: Array, x: Array) -> KreinPhases:
         """Compute points."""
         heed()
         self.evaluations += np.bincount(row, minlength=len(self.first))
-        return KreinPhases.of(*self.periods.monodromy(row, np.exp(x)))
+        cycle = np.exp(x)
+        return KreinPhases.of(*self.periods.with_slope(row, cycle), 1 / (self.fastest[row] * cycle))
 
     def add(self, row: Array, x: Array) -> None:
         """Take in further points."""

@@ -13,25 +13,30 @@ Motions are numbered by ascending frequency *at that speed*.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from gearstab.floquet.boundaries.damped.scan import halves
 from gearstab.floquet.boundaries.intervals import Intervals
-from gearstab.floquet.boundaries.names.harmonics import LONGEST, SAMPLES, sampled
 from gearstab.floquet.boundaries.names.labels import BAND
+from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
 
 PLACES = 0.5, 0.1, 0.9
-"""Where in an interval its motions are looked for, the leading one first; alone where no other has most of it."""
+"""Where in a wide interval its motions are looked for, the leading one first; in others, in the middle."""
+WIDE = 0.02
+"""Relative width from which on an interval may hold several tongues."""
 LEADING = 6
 """Parts of the solution that are looked at."""
 CLEAR = 0.5
 """The share from which on a pair is named besides the leading one."""
+ALIKE = 1e-3
+"""Shares that differ by less are equal: the lower harmonic is the name."""
 NO_GROWTH = 1e-11
 """Growth of the mean system, over the largest exponent, that is rounding."""
+ENTRIES_AT_ONCE = 2**21
+"""Entries of the tables of harmonics that are made at once: 32 MB."""
 
 
 @dataclass(frozen=True, order=True)
@@ -46,90 +51,167 @@ class WhirlRoot:
     difference: bool = False
 
 
+@dataclass(frozen=True)
+class WhirlPairs:
+    """The leading pair of motions at each of P places, as of :class:`WhirlRoot`, and its share ``(P,)``."""
+
+    p: Array
+    q: Array
+    cycles: Array
+    difference: Array
+    share: Array
+
+    def root(self, k: int) -> WhirlRoot:
+        """Return that of a place."""
+        return WhirlRoot(int(self.p[k]), int(self.q[k]), int(self.cycles[k]), bool(self.difference[k]))
+
+    @classmethod
+    def joined(cls, parts: list[WhirlPairs]) -> WhirlPairs:
+        """All of several."""
+        return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
+
+
 def named(chain: Chain, intervals: Intervals, size: int) -> list[tuple[WhirlRoot, ...]]:
     """The roots of each interval, the leading one first; size: n, rigid-body modes included."""
-    found: list[tuple[WhirlRoot, ...]] = []
-    for row, start, stop in zip(intervals.row, intervals.start, intervals.stop, strict=True):
-        places = start + np.array(PLACES) * (stop - start)
-        every = [_roots(chain, int(row), float(cycle), size) for cycle in places]
-        own = [max(shares, key=lambda root: (round(shares[root], 3), -root.cycles, root)) for shares in every]
-        clear = [root for root, shares in zip(own, every, strict=True) if shares[root] > CLEAR]
-        found.append(tuple(dict.fromkeys([own[0], *clear])))
+    count = np.where(intervals.stop - intervals.start > WIDE * intervals.start, len(PLACES), 1)
+    owner = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    if len(owner) == 0:
+        return []
+    cycle = intervals.start[owner] + np.array(PLACES)[number] * (intervals.stop - intervals.start)[owner]
+    found = _pairs(chain, intervals.row[owner], cycle, size)
+    result: list[tuple[WhirlRoot, ...]] = [()] * len(count)
+    for k, i in enumerate(owner.tolist()):
+        if not result[i] or found.share[k] > CLEAR:
+            result[i] = tuple(dict.fromkeys([*result[i], found.root(k)]))
+    return result
+
+
+def _pairs(chain: Chain, row: Array, cycle: Array, size: int) -> WhirlPairs:
+    """The leading pairs at points (row, cycle) ``(P,)``."""
+    fast = float(np.abs(chain.values.imag).max()) * float(chain.period(cycle).max()) / (2 * np.pi)
+    # Gyroscopic terms may make motions faster than the states in the middle of the range.
+    most = int(np.ceil(2 * BAND * fast)) + 1
+    step = max(1, ENTRIES_AT_ONCE // ((2 * most + 1) * chain.size))
+    parts = range(0, len(row), step)
+    return WhirlPairs.joined([_pairs_of(chain, row[k : k + step], cycle[k : k + step], size, most) for k in parts])
+
+
+def _pairs_of(chain: Chain, row: Array, cycle: Array, size: int, most: int) -> WhirlPairs:
+    own, each = chain.at(row, cycle)
+    motions = _SignedMotions.of(own, each, size)
+    harmonic = np.arange(-most, most + 1)
+    with np.errstate(all="ignore"):
+        weight = _weights(own, each, cycle, motions.left, harmonic) * motions.sign[:, :, None]
+    found = _leading(weight, harmonic, motions)
+    for k in np.flatnonzero(found.share <= 0):
+        p, q, cycles = _nearest(motions.exponents[k], motions.number[k], chain.cycles * cycle[k])
+        found.p[k], found.q[k], found.cycles[k], found.difference[k] = p, q, cycles, False
+    by_itself = motions.driven >= 0
+    found.p[by_itself] = found.q[by_itself] = motions.driven[by_itself]
+    found.cycles[by_itself], found.difference[by_itself], found.share[by_itself] = 0, False, 1.0
     return found
 
 
-def _roots(chain: Chain, row: int, cycle: float, size: int) -> dict[WhirlRoot, float]:
-    """The pairs of leading parts of the fastest growing solution, with the smaller share of the two."""
-    own, each = chain.at(np.array([row]), np.array([cycle]))
-    mean = np.einsum("s,sij->ij", own.fractions[each[0]], own.generator.matrix[each[0], own.states])
-    exponents, right, action = _motions(mean, own.frequencies.shape[1])
-    # Motions that do not oscillate come first.
-    number = size - len(exponents) // 2 + np.arange(len(exponents)) // 2
-    values = np.linalg.eigvals(mean)
-    fastest = values[values.real.argmax()]
-    if fastest.real > NO_GROWTH * np.abs(values).max():
-        swinging = np.abs(exponents - fastest).argmin() if fastest.imag else -1
-        by_itself = int(number[swinging]) if fastest.imag else max(size - len(exponents) // 2 - 1, 0)
-        return {WhirlRoot(by_itself, by_itself, 0): 1.0}
-    period = float(own.period(np.array([cycle]))[0])
-    fast = np.abs(own.values[each[0]].imag).max() * period / (2 * np.pi)
-    count = int(min(2 ** np.ceil(np.log2(max(2 * SAMPLES * BAND * fast, 16))), LONGEST))
-    first, second, scale = halves(own, each, np.array([cycle]))
-    multipliers, vectors = np.linalg.eig((second @ first)[0])
-    best = np.abs(multipliers).argmax()
-    logs = np.log(multipliers[best].astype(complex)) + scale
-    state = own.basis[each[0], own.states[0]] @ vectors[:, best]
-    motion = sampled(own, each, np.array([period]), state[None], logs, count, own.size)[0]
-    amplitude = np.linalg.pinv(right) @ motion
-    weight = np.abs(np.fft.fft(amplitude, axis=1) / count) ** 2 * action[:, None]
-    harmonic = np.rint(np.fft.fftfreq(count, 1 / count)).astype(int)
-    return _pairs(weight, harmonic, exponents.imag, number) or _nearest(exponents.imag, number, chain.cycles, cycle)
+@dataclass(frozen=True)
+class _SignedMotions:
+    """Motions exp(mu t) of mean systems at P points, by ascending frequency, each before its complex conjugate.
 
-
-def _motions(mean: Array, n: int) -> tuple[Array, Array, Array]:
-    """Exponents ``(k,)`` of the oscillating motions of a mean system, by ascending frequency, each before its complex
-    conjugate, right vectors ``(m, k)`` of an action of size 1, and the signs of these; n: elastic coordinates.
+    exponents, number ``(P, m)``: mu, and the mode from 0. left ``(P, m, m)``: left vectors of motions of action 1 or
+    -1; 0 of those that do not oscillate, whose action is 0. sign ``(P, m)``: of the action. driven ``(P,)``: the mode
+    that grows by itself, -1 where none does.
     """
-    values, vectors = np.linalg.eig(mean)
-    upper = np.flatnonzero(values.imag > 0)
-    upper = upper[np.argsort(values[upper].imag, kind="stable")]
-    exponents = np.stack([values[upper], values[upper].conj()], axis=1).ravel()
-    right = np.stack([vectors[:, upper], vectors[:, upper].conj()], axis=2).reshape(len(mean), -1)
-    weight, damping = np.diagonal(mean[:n, n : 2 * n]), -mean[n : 2 * n, n : 2 * n]
-    u = right[:n] / weight[:, None]
-    momentum = right[n : 2 * n] + 0.25 * (damping - damping.T) @ u
-    action = 2 * np.sum(u.conj() * momentum, axis=0).imag
-    right = right / np.sqrt(np.maximum(np.abs(action), np.finfo(float).tiny))
-    return exponents, right, np.sign(action)
+
+    exponents: Array
+    number: Array
+    left: Array
+    sign: Array
+    driven: Array
+
+    @classmethod
+    def of(cls, chain: Chain, row: Array, size: int) -> _SignedMotions:
+        mean = np.einsum("ps,psij->pij", chain.fractions[row], chain.generator.matrix[row][:, chain.states])
+        values, right = np.linalg.eig(mean)
+        values, right = values.astype(complex), right.astype(complex)
+        order = np.lexsort((values.imag < 0, np.abs(values.imag)))
+        values, right = np.take_along_axis(values, order, 1), np.take_along_axis(right, order[:, None, :], 2)
+        upper = values.imag > 0
+        # Motions that do not oscillate come first.
+        number = np.maximum(size - upper.sum(axis=1)[:, None] + np.cumsum(upper, axis=1) - 1, 0)
+        n = chain.frequencies.shape[1]
+        weight, damping = np.einsum("pii->pi", mean[:, :n, n : 2 * n]), -mean[:, n : 2 * n, n : 2 * n]
+        u = right[:, :n] / weight[:, :, None]
+        momentum = right[:, n : 2 * n] + 0.25 * (damping - np.swapaxes(damping, 1, 2)) @ u
+        action = 2 * np.sum(u.conj() * momentum, axis=1).imag
+        try:
+            left = np.linalg.inv(right)
+        except np.linalg.LinAlgError:
+            left = np.linalg.pinv(right)
+        fastest = values.real.argmax(axis=1)
+        each = np.arange(len(values))
+        grows = values.real[each, fastest] > NO_GROWTH * np.abs(values).max(axis=1)
+        driven = np.where(grows, number[each, fastest], -1)
+        return cls(values, number, left * np.sqrt(np.abs(action))[:, :, None], np.sign(action), driven)
 
 
-def _pairs(weight: Array, harmonic: Array, frequency: Array, number: Array) -> dict[WhirlRoot, float]:
-    """Pairs of the leading parts; weight ``(k, count)``: signed actions."""
-    found: dict[WhirlRoot, float] = {}
-    flat = np.abs(weight).ravel()
-    order = np.argsort(-flat, kind="stable")[:LEADING]
-    total = np.abs(weight).sum()
-    for place, i in enumerate(order):
-        for other in order[place + 1 :]:
-            (a, k), (b, j) = divmod(int(i), len(harmonic)), divmod(int(other), len(harmonic))
-            cycles = int(harmonic[k] - harmonic[j])
-            opposite = weight[a, k] * weight[b, j] < 0
-            difference = bool(frequency[a] * frequency[b] > 0)
-            if a == b or not cycles or not (opposite or difference):
-                continue
-            p, q = sorted((int(number[a]), int(number[b])))
-            if p == q and difference:
-                continue
-            root = WhirlRoot(p, q, abs(cycles), difference)
-            found[root] = max(found.get(root, 0.0), 2 * float(min(flat[i], flat[other]) / total))
-    return found
+def _weights(chain: Chain, row: Array, cycle: Array, left: Array, harmonic: Array) -> Array:
+    """``(P, m, K)``: the squared amplitude of each harmonic of each motion in the fastest growing solution."""
+    period = chain.period(cycle)
+    product, scale = kernel.products(chain, row, cycle)
+    multipliers, vectors = np.linalg.eig(product)
+    each = np.arange(len(row))
+    best = np.abs(multipliers).argmax(axis=1)
+    logs = np.log(multipliers[each, best].astype(complex)) + scale
+    state = np.einsum("pij,pj->pi", chain.basis[row, chain.states[0]], vectors[each, :, best])
+    values, modes, inverse = chain.generator.eigen
+    turns = logs[:, None] + 2j * np.pi * harmonic
+    result, begin = 0.0, np.zeros(len(row))
+    for s, d in enumerate(chain.states):
+        part, exponents = chain.fractions[row, s], values[row, d] * period[:, None]
+        amplitude = np.einsum("pij,pj->pi", inverse[row, d], state)
+        rate = exponents[:, :, None] - turns[:, None, :]
+        length = part[:, None, None]
+        mean = np.where(np.abs(rate * length) < 1e-6, length, np.expm1(rate * length) / rate)
+        own = (left @ modes[row, d]) * amplitude[:, None, :]
+        result = result + np.exp(-turns * begin[:, None])[:, None, :] * (own @ mean)
+        state = np.einsum("pij,pj->pi", modes[row, d], amplitude * np.exp(exponents * part[:, None]))
+        begin = begin + part
+    return np.nan_to_num(np.abs(result) ** 2)
 
 
-def _nearest(frequency: Array, number: Array, common: float, cycle: float) -> dict[WhirlRoot, float]:
-    """The sum of frequencies that is nearest to a multiple of the mesh frequency."""
-    own, modes = frequency[::2], number[::2]
+def _leading(weight: Array, harmonic: Array, motions: _SignedMotions) -> WhirlPairs:
+    """The best pairs of the leading parts; weight ``(P, m, K)``: signed actions. The share is 0 where there is none."""
+    flat = weight.reshape(len(weight), -1)
+    count = min(LEADING, flat.shape[1])
+    order = np.argsort(-np.abs(flat), axis=1, kind="stable")[:, :count]
+    first, second = np.triu_indices(count, 1)
+    one, other = order[:, first], order[:, second]
+    (a, k), (b, j) = np.divmod(one, len(harmonic)), np.divmod(other, len(harmonic))
+    cycles = harmonic[k] - harmonic[j]
+    size, signed = np.abs(flat), [np.take_along_axis(flat, part, 1) for part in (one, other)]
+    p, q, up, down = (
+        np.take_along_axis(table, part, 1)
+        for table, part in (
+            (motions.number, a), (motions.number, b), (motions.exponents.imag, a), (motions.exponents.imag, b),
+        )
+    )  # fmt: skip
+    difference = up * down > 0
+    allowed = (a != b) & (cycles != 0) & ((signed[0] * signed[1] < 0) | difference) & ~(difference & (p == q))
+    share = 2 * np.minimum(*map(np.abs, signed)) / np.maximum(size.sum(axis=1), np.finfo(float).tiny)[:, None]
+    # Of equal shares the lower harmonic.
+    value = np.where(allowed, np.round(share / ALIKE) - 1e-6 * np.abs(cycles), -np.inf)
+    best = value.argmax(axis=1)[:, None]
+    found = [np.take_along_axis(part, best, 1)[:, 0] for part in (p, q, np.abs(cycles), difference, share, value)]
+    low, high = np.minimum(found[0], found[1]), np.maximum(found[0], found[1])
+    return WhirlPairs(low, high, found[2], found[3], np.where(np.isfinite(found[5]), found[4], 0.0))
+
+
+def _nearest(exponents: Array, number: Array, time: float) -> tuple[int, int, int]:
+    """(p, q, cycles) of the sum of frequencies that is nearest to a multiple of 1/time."""
+    upper = exponents.imag > 0
+    own, modes = exponents.imag[upper], number[upper]
     p, q = np.triu_indices(len(own))
-    turns = (own[p] + own[q]) * common * cycle
+    turns = (own[p] + own[q]) * time
     cycles = np.maximum(np.rint(turns), 1)
     best = int(np.argmin(np.round(np.abs(turns / cycles - 1), 6)))
-    return {WhirlRoot(int(modes[p[best]]), int(modes[q[best]]), int(cycles[best])): 0.0}
+    return int(modes[p[best]]), int(modes[q[best]]), int(cycles[best])

@@ -1,154 +1,37 @@
-"""Speed of the compiled kernel beside other ways to the same numbers: medians of one run, interleaved, on one core.
-
-Single-core figures count processor time, so that other work on the machine shows less; the figure for threads counts
-elapsed time. GEARSTAB_SIMD limits the vector instructions. Usage: python scripts/bench_kernel.py [ROUNDS]
-"""
-
-# ruff: noqa: E402 -- the environment is set before NumPy is imported
+"""Speed of the compiled kernel beside other ways to the same numbers; the figure for threads counts elapsed time."""
 
 from __future__ import annotations
 
-import os
-
-for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"  # one core for everybody; read when NumPy is imported
-
 import importlib.util
+import os
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from fractions import Fraction
-from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 
+from bench import scenes
+from bench.measuring import Way, compare
+from bench.others import expm_product, integrate, numpy_eigenvalues
 from gearstab import ckernel
 from gearstab.floquet import solve
 from gearstab.floquet.kernel import c_kernel, damped
 from gearstab.floquet.kernel.invariants import DOUBTFUL
-from gearstab.floquet.segments.pattern import Pattern, prepare
-from gearstab.system import Array, GearSystem, Mesh
-from gearstab.systems import build
-from gearstab.waveforms import Rectangular
+from gearstab.floquet.segments.pattern import prepare
+from gearstab.system import GearSystem
 
-sys.path.append(str(Path(__file__).parent.parent / "tests" / "reference" / "kernel"))
-import numpy_kernel
-
-ACCURATE = 1e-10
-"""Tolerance of DOP853 that leaves 1e-10..5e-9 on rho = lambda + 1/lambda of the train (Omega from 0.35 to 6.5)."""
 ROWS = 100
 """Of a small map: some milliseconds, so that processors which begin wide instructions slowly are at their speed."""
 
 
-@dataclass(frozen=True)
-class Way:
-    """One way to compute ``points`` points."""
-
-    name: str
-    points: int
-    run: Callable[[], object]
-    goal: float | None = None
-
-
-def train(ratio: str, rows: int, damping: dict[str, object] | None = None) -> GearSystem:
-    """Lin & Parker's gear train for ``rows`` values of epsilon; 4 segments per period for R = 1, 16 for R = 3/5."""
-    epsilon = np.linspace(0.01, 0.5, rows)
-    meshes = [
-        {"name": "first", "mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": 1.47},
-        {"name": "second", "mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": 1.64, "phasing": 0.13},
-    ]
-    scene = {
-        "kind": "two_stage",
-        "inertias": [1.0, 0.3, 4.0],
-        "input_shaft_stiffness": 0.5,
-        "tooth_ratio": Fraction(ratio),
-        "meshes": meshes,
-    }
-    return build(scene | (damping or {}))
-
-
-def gearbox() -> GearSystem:
-    """33 coordinates, five meshes, ten segments."""
-    n = 33
-    rng = np.random.default_rng(n)
-    difference = np.eye(n) - np.eye(n, k=-1)
-    spring = difference.T @ np.diag(rng.uniform(0.5, 3.0, n)) @ difference
-    meshes = tuple(
-        Mesh(
-            f"m{i}",
-            np.eye(n)[p] - np.eye(n)[p - 1],
-            np.array(2.0),
-            np.array(0.3),
-            Rectangular(1.2 + 0.17 * i),
-            lag=0.13 * i,
-        )
-        for i, p in enumerate(np.linspace(1, n - 1, 5).astype(int))
-    )
-    return GearSystem(np.diag(rng.uniform(0.5, 2.0, n)), spring, meshes)
-
-
-def generators(pattern: Pattern) -> Array:
-    """``(D, 2n, 2n)`` of the first row."""
-    return damped.generators(pattern).matrix[0]
-
-
-def expm_product(pattern: Pattern, omega: Array) -> list[Array]:
-    """scipy.linalg.expm per segment and point, the product, its eigenvalues."""
-    a, durations = generators(pattern), pattern.durations(0, omega)
-    found = []
-    for k in range(len(omega)):
-        product = np.eye(a.shape[-1])
-        for s, state in enumerate(pattern.states):
-            product = expm(a[state] * durations[s, k]) @ product
-        found.append(np.linalg.eigvals(product))
-    return found
-
-
-def integrate(pattern: Pattern, omega: Array) -> list[Array]:
-    """DOP853 over all 2n columns at once, begun afresh at every jump."""
-    a, durations = generators(pattern), pattern.durations(0, omega)
-    size = a.shape[-1]
-    found = []
-    for k in range(len(omega)):
-        state = np.eye(size)
-        jumps = np.append(0.0, np.cumsum(durations[:, k]))
-        for (begin, end), which in zip(pairwise(jumps), pattern.states, strict=True):
-            right = lambda _, y, m=a[which]: (m @ y.reshape(size, size)).ravel()  # noqa: E731
-            done = solve_ivp(right, (begin, end), state.ravel(), method="DOP853", rtol=ACCURATE, atol=ACCURATE)
-            state = done.y[:, -1].reshape(size, size)
-        found.append(np.linalg.eigvals(state))
-    return found
-
-
-def numpy_eigenvalues(pattern: Pattern, omega: Array) -> Array:
-    """Batched NumPy products, then numpy.linalg.eigvals."""
-    return np.linalg.eigvals(numpy_kernel.monodromy(pattern, 0, omega)[0])
-
-
-def compare(title: str, ways: list[Way], rounds: int, clock: Callable[[], float] = time.thread_time) -> list[float]:
-    """Print microseconds per point of all ways and their ratios to the first; returns medians in seconds per point."""
-    for way in ways:
-        way.run()
-    times: list[list[float]] = [[] for _ in ways]
-    for _ in range(rounds):
-        for way, record in zip(ways, times, strict=True):
-            begin = clock()
-            way.run()
-            record.append((clock() - begin) / way.points)
-    medians = [float(np.median(record)) for record in times]
-    print(title)
-    for way, median in zip(ways, medians, strict=True):
-        goal = f"   (goal {way.goal:,.0f})" if way.goal else ""
-        print(f"  {way.name:34} {1e6 * median:12.4f} us per point {median / medians[0]:12,.1f} x{goal}")
-    return medians
+def train(ratio: str, rows: int, **damping: object) -> GearSystem:
+    """Build the train for ``rows`` values of epsilon; 4 segments per period for R = 1, 16 for R = 3/5."""
+    return scenes.train(ratio, np.linspace(0.01, 0.5, rows), (1.47, 1.64), 0.13, **damping)
 
 
 def closed_form(ratio: str, goals: tuple[float | None, ...], rounds: int) -> None:
@@ -193,7 +76,7 @@ DAMPING = {
 @contextmanager
 def counting() -> Iterator[ModuleType]:
     """Use a kernel that counts the points that take each way, built for the purpose."""
-    root, usual = Path(__file__).parent.parent, ckernel.library
+    root, usual = scenes.CONFIGS.parent, ckernel.library
     with tempfile.TemporaryDirectory() as folder:
         build_it = [sys.executable, "setup.py", "-q", "build", "--build-base", folder, "--build-lib", folder]
         flags = os.environ.get("GEARSTAB_CFLAGS", "") + " -O1 -DGEARSTAB_COUNT_PATHS"
@@ -216,7 +99,7 @@ def shares() -> None:
     print("shares of the points of a map of 100 x 1000")
     with counting() as counter:
         for name, ratios in DAMPING.items():
-            (pattern,) = prepare(train("1", ROWS, {"damping": {"modal": ratios}}))
+            (pattern,) = prepare(train("1", ROWS, damping={"modal": ratios}))
             generator = damped.generators(pattern)
             omega = np.linspace(0.35, 7, 1000) / pattern.elastic.rate[:, None]
             counter.paths()
@@ -255,7 +138,7 @@ def moved_traces(rounds: int) -> None:
 
 def general_damping(rounds: int) -> None:
     """n = 3, unequal modal damping."""
-    (pattern,) = prepare(train("1", ROWS, {"damping": {"modal": [0.01, 0.02, 0.05]}}))
+    (pattern,) = prepare(train("1", ROWS, damping={"modal": [0.01, 0.02, 0.05]}))
     generator = damped.generators(pattern)
     omega = np.linspace(0.35, 7, 1000) / pattern.elastic.rate[:, None]
     ways = [
@@ -267,7 +150,7 @@ def general_damping(rounds: int) -> None:
 
 def strong_damping(rounds: int) -> None:
     """n = 3, 30 % of critical damping: all exponents, the smallest multipliers lost in an explicit product."""
-    (pattern,) = prepare(train("1", 1, {"damping_ratio": 0.3}))
+    (pattern,) = prepare(train("1", 1, damping_ratio=0.3))
     generator = damped.generators(pattern)
     omega = np.geomspace(0.35, 7, 1600)[None] / pattern.elastic.rate[:, None]
     ways = [
@@ -278,7 +161,7 @@ def strong_damping(rounds: int) -> None:
 
 def many_coordinates(rounds: int) -> None:
     """n = 33, all multipliers."""
-    (pattern,) = prepare(gearbox())
+    (pattern,) = prepare(scenes.gearbox())
     omega = np.linspace(0.4, 5, 64) / pattern.elastic.rate[0]
     ways = [
         Way("compiled, all multipliers", 64, lambda: c_kernel.log_multipliers(pattern, omega[None], np.inf)),
@@ -311,10 +194,8 @@ def whole_map(rounds: int) -> None:
     compare("a map of 500 x 2000 points", ways, rounds)
 
 
-def main() -> None:
-    """All comparisons."""
-    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 9
-    os.environ["GEARSTAB_THREADS"] = "1"
+def main(rounds: int = 9) -> None:
+    """Print all comparisons."""
     print(f"vector instructions: {ckernel.simd()}; medians of {rounds} rounds\n")
     closed_form("1", (100, 2000, 40000), rounds)
     closed_form("3/5", (75, None, None), rounds)
@@ -326,7 +207,3 @@ def main() -> None:
     moved_traces(rounds)
     threads(rounds)
     shares()
-
-
-if __name__ == "__main__":
-    main()

@@ -6,9 +6,7 @@ import tempfile
 from pathlib import Path
 from time import process_time
 
-from rich.console import Console
-from rich.table import Table
-
+from bench.measuring import show
 from gearstab import ckernel
 from gearstab.config import load
 from gearstab.methods import SampledMethod
@@ -61,9 +59,7 @@ def seconds(text: str) -> tuple[int, float]:
 def main(rows: int = 200) -> None:
     """Run both, with and without damping and Sobol indices, and print the ratios of processor time per point."""
     title = f"Two-stage train, map of 400 x {rows} cells with 1,000 samples each, one processor"
-    table = Table(title=title)
-    for heading in ("", "points", "ns per point", "x plain"):
-        table.add_column(heading, justify="left" if not heading else "right", no_wrap=True)
+    table = list[tuple[object, ...]]()
     with ckernel.using(threads=1):
         for damping in ("0", "0.01"):
             system = SYSTEM.replace("DAMPING", damping)
@@ -76,9 +72,5 @@ def main(rows: int = 200) -> None:
                 each = taken / points * 1e9
                 plain = plain or each
                 what = f"{name}{', damping ratio 1 %' if damping != '0' else ''}"
-                table.add_row(what, f"{points:,}", f"{each:.1f}", f"{each / plain:.2f}")
-    Console(width=100).print(table)
-
-
-if __name__ == "__main__":
-    main()
+                table.append((what, f"{points:,}", each, each / plain))
+    show(title, ("", "points", "ns per point", "x plain"), table)

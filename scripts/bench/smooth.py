@@ -6,16 +6,13 @@ over the largest error of the growth per period at some points, against an integ
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
-from time import process_time
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
+from bench.measuring import show, turns
+from bench.scenes import CONFIGS
 from gearstab.bench import reference
 from gearstab.bench.scene import Scene
 from gearstab.bench.smooth_methods import integration, periods
@@ -24,7 +21,7 @@ from gearstab.floquet import solve
 from gearstab.system import Array
 from gearstab.systems import build
 
-WAVEFORMS = Path(__file__).parent.parent / "configs" / "waveforms"
+WAVEFORMS = CONFIGS / "waveforms"
 SCENES = {"four harmonics": WAVEFORMS / "harmonics.yaml", "trapezoid": WAVEFORMS / "trapezoidal.yaml"}
 ERROR = 1e-6
 CHECKED = 16
@@ -43,13 +40,6 @@ class Setting:
     error: float
 
 
-def timed(work: Callable[[], Array]) -> tuple[float, Array]:
-    """CPU seconds and the answer."""
-    start = process_time()
-    answer = work()
-    return process_time() - start, answer
-
-
 def magnus(scene: Scene, epsilon: Array, points: int, tolerance: float) -> Callable[[], Array]:
     """Growth a period at the checked mesh frequencies, from all points of a map; the scene is the middle row."""
     checked = scene.frequencies(CHECKED)
@@ -66,12 +56,8 @@ def magnus(scene: Scene, epsilon: Array, points: int, tolerance: float) -> Calla
 
 def measured(works: list[tuple[Callable[[], Array], int]], truth: Array, rounds: int) -> list[Setting]:
     """(work, its number of points) for each setting, a repetition of each in turn."""
-    seconds, answers = np.full(len(works), np.inf), [truth] * len(works)
-    for _ in range(rounds):
-        for k, (work, points) in enumerate(works):
-            took, answers[k] = timed(work)
-            seconds[k] = min(seconds[k], took / points)
-    errors = [float(np.abs(answer - truth).max()) for answer in answers]
+    seconds = turns([work for work, _ in works], rounds).min(axis=0) / [points for _, points in works]
+    errors = [float(np.abs(work() - truth).max()) for work, _ in works]
     return [Setting(float(s), e) for s, e in zip(seconds, errors, strict=True)]
 
 
@@ -88,10 +74,7 @@ def seconds_at(settings: list[Setting]) -> float:
 
 def main() -> None:
     """Measure and print the table."""
-    os.environ["GEARSTAB_THREADS"] = "1"
-    table = Table(title=f"CPU time per point for an error of {ERROR:.0e} in the growth per period, one core")
-    for heading in ("wave", "points", "Magnus, us", "DOP853, ms", "times faster"):
-        table.add_column(heading, justify="left" if heading == "wave" else "right", no_wrap=True)
+    rows_of_table = list[tuple[object, ...]]()
     for name, path in SCENES.items():
         config = load(path)
         axis = np.asarray(next(axis.values for axis in config.axes if axis.name == "mesh_frequency"), dtype=float)
@@ -108,11 +91,8 @@ def main() -> None:
             epsilon = np.linspace(middle - 0.1, middle + 0.1, rows + 1)[:rows] if rows > 1 else np.array([middle])
             works = [(magnus(scene, epsilon, points, t), rows * points) for t in MAGNUS]
             fast = seconds_at(measured(works, truth, ROUNDS if rows > 1 else 6 * ROUNDS))
-            table.add_row(
-                name, f"{rows} x {points}", f"{1e6 * fast:.2f}", f"{1e3 * slow:.2f}", f"{slow / fast:.0f}"
-            )  # fmt: skip
-    Console(width=100).print(table)
-
-
-if __name__ == "__main__":
-    main()
+            rows_of_table.append((name, f"{rows} x {points}", 1e6 * fast, 1e3 * slow, f"{slow / fast:.0f}"))
+    show(
+        f"CPU time per point for an error of {ERROR:.0e} in the growth per period, one core",
+        ("wave", "points", "Magnus, us", "DOP853, ms", "times faster"), rows_of_table,
+    )  # fmt: skip

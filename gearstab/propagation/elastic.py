@@ -16,6 +16,7 @@ import numpy as np
 from gearstab.grouping import equal_rows
 from gearstab.propagation.first_order import UNDAMPED, FirstOrder, ModalMatrices, acted_on
 from gearstab.system import Array, GearSystem
+from gearstab.waveforms.profile import harmonic
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,14 @@ def elastic_forms(system: GearSystem) -> list[ElasticForm]:
     """Return the forms of all rows of the flattened batch."""
     found = {int(r): own.row(k) for own in elastic_rows(system) for k, r in enumerate(own.form.rows)}
     return [found[r] for r in range(system.rows)]
+
+
+def mean_levels(system: GearSystem) -> Array:
+    """``(rows, J)``, the means of all that varies: of the meshes' stiffnesses, then of the terms' profiles."""
+    levels = [system.flat(mesh.mean_stiffness) for mesh in system.meshes]
+    profiles = [profile for term in system.terms for profile in term.profiles]
+    levels += [system.flat(harmonic(profile, 0).real) for profile in profiles]
+    return np.stack(levels, axis=-1)
 
 
 def free_rotations(system: GearSystem) -> Array:

@@ -1,7 +1,7 @@
 """Whole sweeps of a gear train over five axes beside the rate of the kernel alone, and workers beside the pool.
 
 Processor time is counted, that of all processes of a command, as other work on the machine shows less in it; elapsed
-time stands beside it. Needs the extra ``cluster``. Usage: python scripts/bench_scale.py [LARGEST_POWER_OF_TEN]
+time stands beside it. Needs the extra ``cluster``.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,9 +19,9 @@ from pathlib import Path
 import dask
 import numpy as np
 from distributed import LocalCluster
-from rich.console import Console
-from rich.table import Table
 
+from bench.measuring import show, turns
+from bench.scenes import CONFIGS
 from gearstab.config import load
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.blocks import split
@@ -30,7 +30,7 @@ from gearstab.floquet.stability import empty
 from gearstab.sweep.cluster import SETTINGS
 from gearstab.systems import build
 
-CONFIG = Path(__file__).parent.parent / "configs" / "lin_parker_2002" / "fig3.yaml"
+CONFIG = CONFIGS / "lin_parker_2002" / "fig3.yaml"
 LEAST, LARGEST = 5, 7
 """Powers of ten of the number of points; 8 only where it is asked for."""
 ROUNDS = 3
@@ -81,17 +81,8 @@ def kernel_rate() -> tuple[float, float]:
         for pattern in patterns:
             c_kernel.rates(pattern, omega, pattern.rows, into.stable, into.growth_rate, 1)
 
-    return seconds(scan) * 1e9 / into.stable.size, seconds(rates) * 1e9 / into.stable.size
-
-
-def seconds(call: Callable[[], None]) -> float:
-    """Of processor time, the least of some calls."""
-    found = []
-    for _ in range(ROUNDS):
-        start = time.process_time()
-        call()
-        found.append(time.process_time() - start)
-    return min(found)
+    scanned, rated = turns([scan, rates], ROUNDS).min(axis=0) * 1e9 / into.stable.size
+    return scanned, rated
 
 
 def sweep(power: int, out: Path, *options: str) -> Cost:
@@ -125,9 +116,7 @@ def main(largest: int = LARGEST) -> None:
     """Print both tables."""
     alone, placed = kernel_rate()
     ways = f"{alone:.1f} ns per point on one core, {placed:.1f} with growth rates in their places"
-    table = Table(title=f"Whole sweeps on two threads; the kernel alone: {ways}")
-    for heading in ("points", "clock s", "processors s", "ns per point beyond start", "kernel / whole", "memory MB"):
-        table.add_column(heading, justify="right")
+    table = list[tuple[object, ...]]()
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.h5"
         start = fastest(3, out, "-j", "2")
@@ -135,9 +124,10 @@ def main(largest: int = LARGEST) -> None:
             cost = fastest(power, out, "-j", "2")
             each = (cost.processors - start.processors) * 1e9 / 10**power
             whole = cost.processors * 1e9 / 10**power
-            table.add_row(f"10^{power}", f"{cost.clock:.2f}", f"{cost.processors:.2f}", f"{each:.1f}",
-                          f"{alone / whole:.2f} ({placed / whole:.2f})", f"{cost.memory / 1e6:.0f}")  # fmt: skip
-        Console(width=110).print(table)
+            ratios = f"{alone / whole:.2f} ({placed / whole:.2f})"
+            table.append((f"10^{power}", cost.clock, cost.processors, each, ratios, cost.memory / 1e6))
+        headings = ("points", "clock s", "processors s", "ns per point beyond start", "kernel / whole", "memory MB")
+        show(f"Whole sweeps on two threads; the kernel alone: {ways}", headings, table)
         with workers() as address:
             begin = fastest(3, out, "--scheduler", address)
             away = fastest(LARGEST, out, "--scheduler", address)
@@ -149,7 +139,3 @@ def main(largest: int = LARGEST) -> None:
           f"--scheduler local, which starts its workers, {own.clock:.2f} s, throughput {here.clock / own.clock:.2f}; "
           f"processor seconds of the commands {here.processors:.2f}, {away.processors:.2f} (without the workers'), "
           f"{own.processors:.2f}")  # fmt: skip
-
-
-if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))

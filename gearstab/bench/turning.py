@@ -1,0 +1,94 @@
+"""What a point of a system costs whose matrices act with speeds of rotation, beside products of exponentials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import process_time
+
+import numpy as np
+from scipy.linalg import expm
+
+from gearstab.bench.scene import Scene
+from gearstab.floquet import solve
+from gearstab.rotation import factors
+from gearstab.system import Array, GearSystem
+
+POINTS, PRODUCTS = 1 << 15, 500
+"""Mesh frequencies at which the product is timed, and products of exponentials, which take a hundred times as long."""
+RUNS = 5
+"""Of which the median counts."""
+
+
+@dataclass(frozen=True)
+class TurningCost:
+    """Processor time per point, in seconds; difference: the largest one of ln max |lambda| over a common period."""
+
+    speeds: str
+    seconds: float
+    products: float
+    difference: float
+
+    def text(self) -> str:
+        """Return the line that bench prints."""
+        return (
+            f"{self.speeds}: {1 / self.seconds:,.0f} points/s, {self.products / self.seconds:.0f} times as many as by "
+            f"products of expm with eigenvalues; growths differ by up to {self.difference:.1e}"
+        )
+
+
+def turning_costs(system: GearSystem, low: float, high: float) -> list[TurningCost]:
+    """Measure points of a single system without further terms over a range of mesh frequencies.
+
+    With all speeds held, at the values that they have in the middle of the range, and as given where some follow the
+    mesh frequency.
+    """
+    middle = 0.5 * (low + high)
+    held = tuple(
+        rotation if rotation.speed_ratio is None
+        else replace(rotation, speed_ratio=None, speed=float(rotation.speed_ratio) * middle)
+        for rotation in system.rotations
+    )  # fmt: skip
+    found = [_cost("speeds held", replace(system, rotations=held), low, high)]
+    if any(rotation.speed_ratio is not None for rotation in system.rotations):
+        found.append(_cost("speeds that follow the mesh frequency", system, low, high))
+    return found
+
+
+def _cost(name: str, system: GearSystem, low: float, high: float) -> TurningCost:
+    few = np.linspace(low, high, PRODUCTS)
+    ours = solve(system, few).growth_rate[0] * 2 * np.pi * float(system.common_period()[0]) / few
+    theirs = exponential_products(system, few)
+    seconds = _median(lambda: solve(system, np.linspace(low, high, POINTS))) / POINTS
+    products = _median(lambda: exponential_products(system, few)) / PRODUCTS
+    # A stable point of the product has no positive growth.
+    return TurningCost(name, seconds, products, float(np.abs(np.maximum(ours, 0.0) - np.maximum(theirs, 0.0)).max()))
+
+
+def _median(run: Callable[[], object]) -> float:
+    times = []
+    for _ in range(RUNS):
+        start = process_time()
+        run()
+        times.append(process_time() - start)
+    return float(np.median(times))
+
+
+def exponential_products(system: GearSystem, omega: Array) -> Array:
+    """ln max |lambda| over a common period at mesh frequencies ``(P,)``, from batched scipy.linalg.expm of all segments
+    and numpy.linalg.eigvals.
+    """
+    scene, n = Scene(system, float(omega.min()), float(omega.max())), system.size
+    stiffness, damping = np.zeros((2, len(omega), n, n))
+    for rotation in system.rotations:
+        for term in rotation.terms():
+            speed = np.broadcast_to(term.speed + term.speed_ratio * omega, omega.shape)
+            factor = factors(speed, np.asarray(term.power), np.asarray(term.softening))[:, None, None]
+            (damping if term.on_velocity else stiffness)[...] += factor * term.matrix
+    product = np.broadcast_to(np.eye(2 * n), (len(omega), 2 * n, 2 * n))
+    moving = np.linalg.solve(system.mass, np.concatenate([stiffness, damping], axis=2))
+    for duration, levels in scene.segments:
+        generator = np.broadcast_to(scene.generator(levels), product.shape).copy()
+        generator[:, n:] -= moving
+        product = expm(generator * (duration * 2 * np.pi / omega)[:, None, None]) @ product
+    return np.log(np.abs(np.linalg.eigvals(product)).max(axis=-1))

@@ -1,0 +1,55 @@
+"""Coordinates X_i at the beginnings of the segments of a period, in those of X_1: any choice proves what it proves.
+
+Phi D^-1 keeps J for a D that J makes self-adjoint; X_i = Phi_(i-1) ... Phi_1 D^(-f), f the share of the period gone
+by, spreads the growth of V evenly over the period. Where much decays over it, slow directions drown the others: -V is
+then what a Lyapunov equation makes of the unit matrix, by sweeps backwards, which they do not disturb.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+Array = np.ndarray
+
+GRADED, DOUBLINGS = 1e6, 10
+"""Condition of Phi beyond which Lyapunov's equation is solved; periods, as a power of 2, of a sweep."""
+
+
+def coordinates(propagators: Sequence[Array], fractions: Sequence[float], signs: Array, rate: float) -> list[Array]:
+    """``(m, m)`` at the beginning of every segment, from the propagators of all and their shares of the period."""
+    gone = [np.eye(len(signs))]
+    for propagator in propagators:
+        gone.append(propagator @ gone[-1])
+    whole = gone[-1]
+    if (signs < 0).all() and np.linalg.cond(whole) > GRADED:
+        return _swept(propagators, fractions, whole)
+    growth = whole.T @ (signs[:, None] * whole) - rate * np.diag(signs)
+    inner = np.linalg.inv(np.linalg.cholesky(0.5 * (growth + growth.T)))
+    values, basis = np.linalg.eigh(inner @ np.diag(signs) @ inner.T)
+    # D^2 = J Phi^T J Phi = vectors diag(squared) vectors^-1.
+    vectors, squared = inner.T @ basis, rate + 1 / values
+    back, shares = np.linalg.inv(vectors), np.cumsum([0.0, *fractions])
+    return [gone[s] @ ((vectors * squared ** (-0.5 * shares[s])) @ back) for s in range(len(propagators))]
+
+
+def _swept(propagators: Sequence[Array], fractions: Sequence[float], whole: Array) -> list[Array]:
+    """X_s = P_s^(-1/2), P_s = e^(2 b f_s) F_s^T P_(s+1) F_s + f_s W, F_s of the segment.
+
+    b: half the slowest decay in a period; W: twice the decay of each coordinate, which is the slowest at least, less b.
+    """
+    decay = -np.sum([np.log(np.abs(np.diag(flow))) for flow in propagators], axis=0)
+    slow = -0.5 * np.log(np.maximum(np.abs(np.linalg.eigvals(whole)).max(), np.finfo(float).tiny))
+    decay = np.maximum(decay, 2 * slow)
+
+    def swept(form: Array) -> list[Array]:
+        forms = [form]
+        for flow, f in zip(reversed(propagators), reversed(fractions), strict=True):
+            forms.append(np.exp(2 * slow * f) * flow.T @ forms[-1] @ flow + f * np.diag(2 * (decay - slow)))
+        return forms[:0:-1]
+
+    form, power = swept(np.zeros_like(whole))[0], np.exp(slow) * whole
+    for _ in range(DOUBLINGS):
+        form, power = form + power.T @ form @ power, power @ power
+    return [np.linalg.inv(np.linalg.cholesky(0.5 * (p + p.T))).T for p in swept(form)]

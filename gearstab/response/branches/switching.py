@@ -1,0 +1,182 @@
+"""Branches that leave another one: at period doublings with twice its period, at branch points with its own.
+
+**Symmetric systems.** Several multipliers are 1 or -1 at once, and branches leave along those directions of the null
+space that keep some of the symmetry: one part alone, or parts that move alike or opposite to each other, or what is at
+right angles to these. Branches that a symmetry takes into each other have the same multipliers and the same
+deflections, of other meshes: one of them is followed.
+
+**A branch point** is left on both sides, at right angles to the branch itself. At a fold of several multipliers one of
+them is the fold, and what is at right angles to the branch belongs to the others.
+
+Source: Seydel 2010, chapter 5; Golubitsky, Stewart & Schaeffer 1988, chapter XIII (symmetry).
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import qr
+
+from gearstab.response.branches.continuation import BRANCHING, DOUBLING, FOLD, Curve, Point, StepLimits
+from gearstab.response.branches.motions import GRAZING, Branch, BranchMotion
+from gearstab.response.branches.sections import SectionMap
+from gearstab.system import Array
+
+UNDISTURBED = 1e-10
+"""Residual of a linear motion, relative to its amplitude."""
+SMALLEST = 1e-3
+"""Amplitude, in units of the state, with which a branch that leaves begins."""
+ALONG = 0.3
+"""Part of a direction at right angles to the branch, below which it is the branch itself."""
+COMPARED = 8
+"""The motion by which two branches are told apart: nearer to where they leave all are alike."""
+ALIKE = 1e-6
+"""Difference of deflections, in units of the state, and of multipliers, of motions that a symmetry relates."""
+LONGEST = 16
+"""Common periods of a motion on a doubled branch."""
+LEFT = {DOUBLING: "doubling", BRANCHING: "branch_point", FOLD: "branch_point"}
+"""How the branch begins that leaves there."""
+
+
+class Followed(Protocol):
+    """What a search of branches knows, and does for those that leave others."""
+
+    laps: SectionMap
+    limits: StepLimits
+    found: list[Branch]
+    unit: float
+    span: float
+
+    def curve(self, periods: int) -> Curve: ...
+    def room(self) -> bool: ...
+    def place(self, point: Point, periods: int) -> tuple[int, int] | None: ...
+    def motion(self, point: Point) -> BranchMotion: ...
+    def add(self, branch: Branch) -> None: ...
+    def one_way(
+        self, start: Point, along: Array, periods: int, known: int, most: int | None = None
+    ) -> tuple[list[BranchMotion], str]: ...
+
+
+def leaving(search: Followed, parent: int) -> None:
+    """Follow all branches that leave a known one, and add them to the search."""
+    branch = search.found[parent]
+    for number, motion in enumerate(branch.motions):
+        if motion.vector is None or motion.kind not in LEFT or (motion.kind == FOLD and motion.multiplicity == 1):
+            continue
+        periods = branch.periods * (2 if motion.kind == DOUBLING else 1)
+        if periods > LONGEST:
+            continue
+        for normal in _normals(search, branch, number):
+            found = _left(search, motion, normal, periods, (parent, number)) if search.room() else None
+            if found is not None:
+                search.add(found)
+
+
+def _normals(search: Followed, branch: Branch, number: int) -> list[Array]:
+    """``(m + 1,)``, of unit length, in units of the curve: across what planes branches leave a motion."""
+    motion = branch.motions[number]
+    assert motion.vector is not None
+    own = search.laps.at(motion.parameter)
+    physical = np.concatenate(own.physical(), axis=1).T @ own.basis
+    found = [np.append(v, 0.0) for v in directions(motion.vector, physical @ motion.vector)]
+    if motion.kind == DOUBLING:
+        return found  # The opposite one is the same motion a period later.
+    near = branch.motions[max(0, number - 1)], branch.motions[min(number + 1, len(branch.motions) - 1)]
+    along = np.append((near[1].x - near[0].x) / search.unit, (near[1].parameter - near[0].parameter) / search.span)
+    along /= np.linalg.norm(along)
+    across = [v - (v @ along) * along for v in found]
+    return [s * v / np.linalg.norm(v) for v in across if np.linalg.norm(v) > ALONG for s in (1, -1)]
+
+
+def _left(
+    search: Followed, motion: BranchMotion, normal: Array, periods: int, leaves: tuple[int, int]
+) -> Branch | None:
+    """The branch through the plane across ``normal``; None where it is known, or not found."""
+    curve, first = search.curve(periods), []
+    amplitude = _grazing(curve, motion, normal[:-1], search.limits.largest) if not normal[-1] else 0.0
+    if amplitude:
+        x = motion.x + amplitude * curve.unit * normal[:-1]
+        first = [search.motion(Point(x, motion.parameter, curve.mapping(x, motion.parameter), GRAZING))]
+    step = (amplitude + SMALLEST) * normal
+    try:
+        there = motion.x + curve.unit * step[:-1], motion.parameter + curve.span * float(step[-1])
+        start, _ = curve.corrected(*there, normal)
+    except ArithmeticError:
+        return None
+    if search.place(start, periods) is not None:
+        return None
+    few, _ = search.one_way(start, normal, periods, 1, COMPARED)
+    if few and any(_alike(search, few[-1], other) for other in search.found if (other.parent, other.leaves) == leaves):
+        return None
+    motions, end = search.one_way(start, normal, periods, len(first) + 1)
+    return Branch((*first, search.motion(start), *motions), periods, (LEFT[motion.kind], end), *leaves)
+
+
+def _alike(search: Followed, motion: BranchMotion, other: Branch) -> bool:
+    """Whether a symmetry takes a motion into one of a branch."""
+    own = _signature(motion, search.unit)
+    for _, guess, _ in other.between(motion.parameter):
+        try:
+            there = search.motion(search.curve(other.periods).at(guess, motion.parameter))
+        except ArithmeticError:
+            continue
+        if np.abs(_signature(there, search.unit) - own).max() < ALIKE:
+            return True
+    return False
+
+
+def _signature(motion: BranchMotion, unit: float) -> Array:
+    """What symmetries keep: multipliers, and deflections of the meshes by size."""
+    return np.concatenate([np.sort(np.abs(motion.stability.multipliers)), np.sort(motion.cycle.rms) / unit])
+
+
+def _grazing(curve: Curve, motion: BranchMotion, vector: Array, largest: float) -> float:
+    """The amplitude up to which what leaves is linear, at the same parameter; 0 where it is not at all.
+
+    Teeth in contact move linearly: at an edge of an instability region there is a motion of twice the period of any
+    amplitude, up to the one at which a flank is left, or met.
+    """
+
+    def linear(amplitude: float) -> bool:
+        x = motion.x + amplitude * curve.unit * vector
+        off = np.abs(curve.mapping(x, motion.parameter).end - x).max(initial=0.0) / curve.unit
+        return bool(off <= UNDISTURBED * max(1.0, amplitude))
+
+    low, high = 0.0, SMALLEST
+    if not linear(SMALLEST):
+        return 0.0
+    while linear(high):
+        low, high = high, 2 * high
+        if high > largest:
+            return 0.0
+    while high - low > 1e-12 * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if linear(middle) else (low, middle)
+    return low
+
+
+def directions(space: Array, seen: Array) -> list[Array]:
+    """Directions ``(m,)`` in a null space ``(m, k)`` along which branches may leave; k = 1: its only one.
+
+    seen: ``(n, k)``, its columns in coordinates of the parts. A basis of vectors with as many zeros there as there can
+    be, their sums and differences; of two dimensions also what is at right angles to each.
+    """
+    k = space.shape[1]
+    if k == 1:
+        return [space[:, 0]]
+    _, _, pivots = qr(seen.T, pivoting=True)
+    sparse = np.linalg.inv(seen[pivots[:k]])
+    sparse /= np.linalg.norm(space @ sparse, axis=0)
+    every = [*sparse.T]
+    every += [sparse[:, i] + sign * sparse[:, j] for i, j in combinations(range(k), 2) for sign in (1, -1)]
+    if k == 2:
+        every += [np.array([-v[1], v[0]]) for v in every]
+    found: list[Array] = []
+    for share in every:
+        vector = space @ share
+        vector = vector / np.linalg.norm(vector)
+        if all(abs(vector @ other) < 1 - ALIKE for other in found):
+            found.append(vector)
+    return found

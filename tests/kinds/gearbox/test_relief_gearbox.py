@@ -1,0 +1,216 @@
+"""Profile relief in a gearbox: stiffness under torque, excitation of the response, and what users are told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import problems, read
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
+from test_planetary_sets import TWO
+
+from gearstab.config import ConfigError
+from gearstab.design import check
+from gearstab.design.judging.judge import Judge
+from gearstab.design.problem import DesignProblem
+from gearstab.design.searching import search
+from gearstab.gears.mesh_stiffness import single_stiffness
+from gearstab.gears.relief import FlankRelief, Relief, loaded_mesh
+from gearstab.response import steady_state
+from gearstab.response.linear.equilibrium import static_mesh_force
+from gearstab.response.linear.speeds import speed_response
+from gearstab.system import GearSystem
+from gearstab.systems import build
+from gearstab.systems.gearbox.train import Train
+
+PAIR = """\
+system:
+  kind: gearbox
+  gears: {module: 3 mm, pressure_angle: 20 deg, face_width: 20 mm}
+  rotors:
+    - {name: motor, inertia: 0.02}
+    - {name: pinion, teeth: 32, bore_radius: 18 mm}
+    - {name: wheel, teeth: 48, bore_radius: 27 mm}
+    - {name: machine, inertia: 0.5}
+  shafts:
+    - {name: in, between: [motor, pinion], stiffness: 2.0e4, damping_ratio: 0.05}
+    - {name: out, between: [wheel, machine], stiffness: 4.0e4, damping_ratio: 0.05}
+  meshes:
+    - {name: only, gears: [pinion, wheel], damping_ratio: 0.05, waveform: {kind: WAVE}, relief: RELIEF}
+  input: {rotor: motor, torque: 200 N m}
+  outputs: [{rotor: machine}]
+"""
+TIP = "{tip: {amount: 20 um, length: 4 mm, form: parabolic}}"
+
+
+def text(wave: str = "tooth", relief: str = TIP) -> str:
+    return PAIR.replace("WAVE", wave).replace("RELIEF", relief)
+
+
+def scene(tmp_path: Path, wave: str = "tooth", relief: str = TIP) -> tuple[Train, GearSystem]:
+    p = read(tmp_path, text(wave, relief)).system
+    return Train(p), build(p)
+
+
+def test_the_force_is_the_static_one_of_the_mesh(tmp_path: Path) -> None:
+    train, system = scene(tmp_path)
+    loaded = train.meshes[0].teeth.loaded[0]
+    assert loaded.force == pytest.approx(float(static_mesh_force(system)[0]), rel=1e-10)
+    assert loaded.force == pytest.approx(200 / (0.048 * np.cos(np.pi / 9)), rel=1e-12)
+    assert float(system.meshes[0].mean_stiffness) == loaded.mean
+    x = np.linspace(0, 1, 37)
+    mesh = system.meshes[0]
+    k = mesh.mean_stiffness * (1 + 2 * mesh.epsilon * mesh.waveform.value(x))
+    np.testing.assert_allclose(k, loaded.curve.value(x), rtol=1e-12)
+
+
+@pytest.mark.parametrize("wave", ["tooth", "rectangular", "tooth, harmonics: 3"])
+def test_turned_slowly_the_teeth_follow_the_static_transmission_error(tmp_path: Path, wave: str) -> None:
+    """Whatever the wave: the force is constant and the deflection is the error, but for inertia, of (Omega/w)^2 with
+    w = 7000 rad/s of stiff shafts, and for what kinks of the error excite, which much damping keeps small.
+    """
+    stiff = text(wave).replace("2.0e4, damping_ratio: 0.05", "2.0e6, damping_ratio: 0.7")
+    p = read(tmp_path, stiff.replace("4.0e4, damping_ratio: 0.05", "4.0e6, damping_ratio: 0.7")).system
+    train, system = Train(p), build(p)
+    loaded = train.meshes[0].teeth.loaded[0]
+    omega = 30.0
+    found = steady_state(system, omega, 4000)
+    np.testing.assert_allclose(found.mesh_force[:, 0], loaded.force, rtol=2e-3)
+    phase = found.time * omega / (2 * np.pi)
+    np.testing.assert_allclose(found.mesh_deflection[:, 0], loaded.error.value(phase), rtol=2e-3)
+    speeds = speed_response(system, np.array([omega]), 400)
+    assert speeds.dynamic_load_factor[0, 0, 0] == pytest.approx(1.0, abs=2e-3)
+    assert speeds.transmission_error_peak_to_peak[0, 0, 0] == pytest.approx(loaded.peak_to_peak, rel=5e-3)
+
+
+def test_the_response_is_that_of_teeth_with_gaps(tmp_path: Path) -> None:
+    """Gaps that open and close as the teeth vibrate, integrated from their law; the linear response about the loaded
+    state has the contact of rest, which differs by the vibration over the gaps' growth.
+    """
+    train, system = scene(tmp_path)
+    teeth = train.meshes[0].teeth
+    pair, loaded, law = teeth.pairs[0], teeth.loaded[0], teeth.loaded[0]
+    omega, g = 2500.0, np.asarray(system.meshes[0].direction)
+    mass, damping, rest = (np.asarray(part) for part in (system.mass, system.damping, system.stiffness))
+    x = np.arange(4096) / 4096
+    s, touching = pair.contacts(x)
+    s = np.clip(s, *pair.path)
+    k = np.where(touching, single_stiffness(pair, s, teeth.models[0]), 0.0)
+    e = law.relief.gap(pair, s)
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        q, v = y[:4], y[4:]
+        at = int((omega * t / (2 * np.pi) % 1.0) * 4096)
+        force = np.sum(k[at] * np.maximum(g @ q - e[at], 0.0))
+        load = np.asarray(system.load)
+        return np.concatenate([v, np.linalg.solve(mass, load - damping @ v - rest @ q - force * g)])
+
+    start = steady_state(system, omega, 512)
+    period = 2 * np.pi / omega
+    y = np.concatenate([start.displacement[0], start.velocity[0]])
+    moments = np.linspace(11 * period, 12 * period, 129)
+    found = solve_ivp(slope, (0, 12 * period), y, t_eval=moments, rtol=1e-6, max_step=period / 256).y[:4].T @ g
+    linear = np.interp(np.linspace(0, period, 129), start.time[:513], start.mesh_deflection[:513, 0])
+    vibration = np.ptp(linear)
+    assert vibration > 1.05 * loaded.peak_to_peak  # it is no quasi-static motion
+    assert np.abs(found - linear).max() < 0.15 * vibration
+
+
+def test_torque_and_relief_are_axes(tmp_path: Path) -> None:
+    axes = """\
+sweep:
+  input_speed: ["300 rpm", "3000 rpm"]
+  input.torque: ["40 N m", "400 N m"]
+  meshes.only.relief.tip.amount: ["5 um", "20 um"]
+methods: {floquet: {}}
+"""
+    config = read(tmp_path, text() + axes)
+    names = [axis.name for axis in config.axes]
+    indices = {names[1]: np.array([[0], [1]]), names[2]: np.array([[0, 1]])}
+    system = build(config.at(indices))
+    assert system.meshes[0].mean_stiffness.shape == (2, 2)
+    x = np.linspace(0.0, 1.0, 57)[:, None, None]
+    mesh = system.meshes[0]
+    for i in range(2):
+        for j in range(2):
+            one = build(config.at({names[1]: np.array(i), names[2]: np.array(j)})).meshes[0]
+            for name in ("mean_stiffness", "epsilon"):
+                assert getattr(mesh, name)[i, j] == pytest.approx(float(getattr(one, name)), rel=1e-13)
+            np.testing.assert_allclose(
+                mesh.waveform.value(x)[:, i, j], one.waveform.value(x[:, 0, 0]), rtol=1e-11, atol=1e-12
+            )
+
+
+def test_design_finds_the_flattest_error(tmp_path: Path) -> None:
+    """Linear relief at one torque, against the least of a search of its own over the amount."""
+    section = """\
+design:
+  range: {input_speed: ["300 rpm", "3000 rpm"]}
+  variables: {meshes.only.relief.tip.amount: ["2 um", "40 um"]}
+  minimise: transmission_error
+"""
+    linear = "{tip: {amount: 5 um, length: 6 mm}}"
+    config = read(tmp_path, text("rectangular", linear) + section)
+    assert config.design is not None
+    problem = DesignProblem(config, config.design)
+    judge = Judge(problem)
+    optimum = search.best(problem, judge, search.first, lambda text: None)
+    found = judge.worth(np.stack([problem.given[0], optimum])).objectives[:, 0]
+    loaded = scene(tmp_path, relief=linear)[0].meshes[0].teeth.loaded[0]
+
+    def peak_to_peak(amount: float) -> float:
+        tip = FlankRelief(amount, 0.006)
+        return loaded_mesh(loaded.pair, loaded.model, Relief(pinion_tip=tip, wheel_tip=tip), loaded.force).peak_to_peak
+
+    least = minimize_scalar(peak_to_peak, bounds=(2e-6, 40e-6), method="bounded", options={"xatol": 1e-10})
+    assert found[0] == pytest.approx(peak_to_peak(5e-6), rel=1e-12)
+    assert found[1] <= least.fun * (1 + 1e-3)
+    assert optimum[0] == pytest.approx(least.x, rel=1e-2)
+
+
+def test_a_design_without_relief_has_no_such_error(tmp_path: Path) -> None:
+    section = "design: {range: {mesh_frequency: [100, 200]}, variables: {input.torque: [1, 2]}, minimise: %s}\n"
+    plain = text().replace(f", relief: {TIP}", "")
+    with pytest.raises(ConfigError, match="needs a mesh with relief"):
+        check(read(tmp_path, plain + section % "transmission_error"))
+    with pytest.raises(ConfigError, match="teeth with relief share"):
+        check(read(tmp_path, text() + section % "root_stress"))
+
+
+def test_planets_share_the_torque_of_their_set(tmp_path: Path) -> None:
+    changed = TWO.replace("meshes: {sun: {}", "meshes: {sun: {relief: {tip: {amount: 8 um, length: 1 mm}}}", 1)
+    assert changed != TWO
+    p = read(tmp_path, changed).system
+    train, system = Train(p), build(p)
+    static = static_mesh_force(system)
+    for mesh, force in zip(train.meshes, static, strict=True):
+        if mesh.teeth.relieved:
+            assert mesh.teeth.loaded[0].force == pytest.approx(float(force), rel=1e-9)
+    assert sum(force.name.startswith("relief of first.sun.") for force in system.forces) == 4
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path", "words"),
+    [
+        (", torque: 200 N m", "", "meshes.0.relief", "no torques"),
+        (TIP, "{}", "meshes.0.relief", "takes nothing off"),
+        ("damping_ratio: 0.05, waveform", "damping_ratio: 0.05, mean_stiffness: 3e8, waveform",
+         "meshes.0.mean_stiffness", "not available with relief"),
+        ("damping_ratio: 0.05, waveform", "damping_ratio: 0.05, backlash: 50 um, waveform",
+         "meshes.0.backlash", "not available with relief"),
+        ("damping_ratio: 0.05, waveform", "damping_ratio: 0.05, double_contact_factor: 0.8, waveform",
+         "meshes.0.double_contact_factor", "each pair"),
+        ("kind: tooth", "kind: trapezoidal, ramp: 0.1", "meshes.0.waveform.kind", "trapezoidal"),
+        ("[pinion, wheel]", "[wheel, pinion]", "meshes.0.gears", "name the driver first"),
+        ("amount: 20 um", "amount: 0 um", "meshes.0.relief.tip.amount", ""),
+    ],
+)  # fmt: skip
+def test_mistakes(tmp_path: Path, old: str, new: str, path: str, words: str) -> None:
+    before = text("rectangular" if "kind" not in old else "tooth")
+    changed = before.replace(old, new)
+    assert changed != before
+    found = problems(tmp_path, changed + "sweep: {mesh_frequency: [100, 200]}\nmethods: {floquet: {}}\n")
+    assert [problem.path for problem in found] == [f"system.{path}"]
+    assert words in found[0].message + (found[0].hint or "")
