@@ -83,7 +83,10 @@ class Equation:
         at = 0.5 * (begin + end) if self.drive.exact else inner
         varying = self.drive.varying(np.broadcast_to(at, (len(self.edges), len(at))))[0]
         stiffness, _, others = self.drive.split(varying)
-        return stiffness, self.drive.z(part) @ self.drive.errors[0].T + others @ self.drive.exerted.T / stiffness
+        exerted = others @ self.drive.exerted.T
+        # What a weak tooth lacks has no stiffness while it does not carry, and exerts nothing.
+        errors = exerted / np.where(exerted == 0, 1.0, stiffness)
+        return stiffness, self.drive.z(part) @ self.drive.errors[0].T + errors
 
     def at_speeds(self, at: Array, speed: Array) -> Equation:
         """Return a row for each of the speeds ``(K,)`` that rows ``at`` (K,) have."""

@@ -26,7 +26,7 @@ from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.kinematics import TrainError, Where
 from gearstab.systems.parts.faults import weak_tooth
-from gearstab.waveforms import Tooth
+from gearstab.waveforms import Rectangular, Tooth
 
 
 def build(p: Any) -> GearSystem:
@@ -88,13 +88,13 @@ def _weak_teeth(train: Train, system: GearSystem) -> Iterator[Mesh]:
         found[title] = found.get(title, 0) + 1
         title += f" ({found[title]})" if found[title] > 1 else ""
         c, factor = teeth.given_contact_ratio(p), fault["factor"]
-        if not isinstance(whole.waveform, Tooth):
-            if teeth.helical:
-                raise NotPossible(
-                    "weak teeth of helical gears need the computed stiffness", "add waveform: {kind: tooth}"
-                )
-            return weak_tooth(whole, title, count, factor, c, cycles)
         overlap = teeth.each(lambda pair: pair.overlap_ratio)
+        if not isinstance(whole.waveform, Tooth):
+            if not teeth.helical:
+                return weak_tooth(whole, title, count, factor, c, cycles)
+            # The wave of helical teeth is that of the transverse section, averaged over the width.
+            whole = replace(whole, waveform=Rectangular(c))
+            return weak_tooth(whole, title, count, factor, c, cycles, overlap=overlap)
         return weak_tooth(whole, title, count, factor, c, cycles, teeth.one_pair, overlap)
 
     for item in train.sets:
