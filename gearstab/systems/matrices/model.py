@@ -22,6 +22,7 @@ from gearstab.config.model.conflicts import (
     wrong_length,
 )
 from gearstab.config.model.fields import NUMBER, ByCoordinate, Choice, NameText, Quantity, also
+from gearstab.config.model.introspection import constructed
 from gearstab.config.model.units import UnitError, to_si
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
@@ -321,7 +322,7 @@ def _parts(name: str, part: str, rows: Any) -> tuple[Array, list[Term]]:
     one = full.reshape(-1, *full.shape[-2:])[0]
     if not np.any(feasibility.asymmetry(one)):
         return full, []
-    return 0.5 * (full + np.swapaxes(full, -1, -2)), antisymmetric_terms(name, part, one)
+    return 0.5 * (full + np.swapaxes(full, -1, -2)), constructed(list[Term], antisymmetric_terms(name, part, one))
 
 
 def _check_axes(document: Document, grid: Grid[Any]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -89,9 +89,6 @@ class DampingPart(VaryingNumber):
     )
 
 
-PARTS = {"stiffness": StiffnessPart, "damping": DampingPart}
-
-
 class Term(Section):
     """a(x) u v^T in the stiffness matrix and c(x) u v^T in the damping matrix."""
 
@@ -157,8 +154,8 @@ def symmetric(matrix: Array) -> Array:
     return 0.5 * (matrix + matrix.T)
 
 
-def antisymmetric_terms(name: str, part: str, matrix: Array) -> list[Term]:
-    """Return the antisymmetric part of a matrix as constant terms s u v^T, from its singular values; none of rounding.
+def antisymmetric_terms(name: str, part: str, matrix: Array) -> list[dict[str, Any]]:
+    """Return the antisymmetric part of a matrix as constant terms s u v^T in plain data; none of rounding.
 
     name: of the terms. part: ``stiffness`` or ``damping``. Source: the singular value decomposition of a real matrix.
     """
@@ -167,12 +164,9 @@ def antisymmetric_terms(name: str, part: str, matrix: Array) -> list[Term]:
         return []
     left, sizes, right = np.linalg.svd(skew)
     return [
-        Term.model_construct(
-            name=f"{name} {k + 1}", left=left[:, k], right=right[k],
-            **cast(Any, {part: PARTS[part].model_construct(mean=sizes[k])}),
-        )
+        {"name": f"{name} {k + 1}", "left": left[:, k], "right": right[k], part: {"mean": sizes[k]}}
         for k in np.flatnonzero(sizes > SKEW * sizes[0])
-    ]  # fmt: skip
+    ]
 
 
 def _profile(p: Any) -> Profile | None:
