@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cache
@@ -67,7 +66,7 @@ LONG_TEETH = {
 
 
 @cache
-def base() -> Mapping[str, Any]:
+def base() -> Any:
     """The parameters of configs/kuria_kihiu_2008/gearbox.yaml."""
     return load(CONFIGS / "kuria_kihiu_2008" / "gearbox.yaml").system
 
