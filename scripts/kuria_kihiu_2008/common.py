@@ -9,6 +9,7 @@ from math import pi, radians
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 from gearstab.config import load
 from gearstab.floquet.frequencies import groups, per_mesh
@@ -68,7 +69,14 @@ LONG_TEETH = {
 @cache
 def base() -> Any:
     """The parameters of configs/kuria_kihiu_2008/gearbox.yaml."""
-    return load(CONFIGS / "kuria_kihiu_2008" / "gearbox.yaml").system
+    return _plain(load(CONFIGS / "kuria_kihiu_2008" / "gearbox.yaml").system)
+
+
+def _plain(value: Any) -> Any:
+    """Return a section as nested dicts and lists of what its fields hold, without fields that are None."""
+    if isinstance(value, BaseModel):
+        return {name: _plain(item) for name, item in value if item is not None}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def parameters(design: Design) -> dict[str, Any]:
