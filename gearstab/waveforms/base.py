@@ -139,6 +139,14 @@ class Waveform:
         """Return (a_s, b_s) of w(x) = sum_s a_s sin 2 pi s x + b_s cos 2 pi s x."""
         raise NotImplementedError
 
+    def levels(self) -> Array:
+        """Return ``(..., L)``, the values of a wave that is piecewise constant; here the least and the greatest."""
+        return np.stack(np.broadcast_arrays(*self.extremes()), axis=-1)
+
+    def level_at(self, x: Array) -> Array:
+        """Return which of :meth:`levels` the wave has at the phase x: here the greatest where it is positive."""
+        return (self.value(x) > 0).astype(np.int64)
+
     @property
     def stiffer_level(self) -> Array:
         """The level that ``max_stiffness`` keeps, above the mean and in units of 2 k_a."""

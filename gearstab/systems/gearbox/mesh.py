@@ -17,6 +17,7 @@ from gearstab.config.model.fields import (
     Quantity,
     Section,
 )
+from gearstab.systems.parts.faults import Fault
 from gearstab.systems.parts.forcing import TransmissionError
 from gearstab.systems.parts.mesh import Lag, NamedToothMesh, StiffnessOfTeeth, following_conflicts, given_by_teeth
 from gearstab.waveforms import WAVEFORMS
@@ -154,6 +155,7 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
         "its peak-to-peak; or its first harmonic.",
     )
     friction: Friction | None = Field(default=None, title="friction", description="Between the teeth; none without.")
+    faults: list[Fault] = Field(default=[], title="faults", description="Weak teeth of either gear.")
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
