@@ -109,6 +109,11 @@ class Waveform:
         return dict(zip(cls.columns, columns, strict=True))
 
     @classmethod
+    def measured(cls, columns: Array) -> tuple[Array, Array, str]:
+        """Return which rows of a file count, in order, their phases, and what is doubtful about them."""
+        return np.arange(columns.shape[-1]), columns[list(cls.columns).index("phase")], ""
+
+    @classmethod
     def wrong_samples(cls, columns: Sequence[Sequence[float]], interpolation: str) -> WrongSample | None:
         """Return what is wrong with the columns of a file."""
         return cls.wrong_phase(columns[0], interpolation)

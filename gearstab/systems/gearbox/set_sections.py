@@ -177,6 +177,7 @@ def _meshes(item: dict[str, Any]) -> Iterator[Conflict]:
         if (mesh := meshes.get(name)) is not None:
             place: Path = ("meshes", name)
             wrong = [*SetMesh.conflicts_of(mesh, True), *at_most_one(mesh, ("damping", "damping_ratio"))]
+            wrong += at_most_one(mesh, ("mean_stiffness", "max_stiffness", "stiffness_per_width"))
             wrong += relief_conflicts(mesh)
             yield from (((*place, *path), code, message, hint) for path, code, message, hint in wrong)
     phases = item.get("phases") or {}

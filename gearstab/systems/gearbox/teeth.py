@@ -196,7 +196,9 @@ class MeshTeeth:
         wanted = from_teeth(self.p)
         kind = (self.p.get("waveform") or {}).get("kind", "rectangular")
         rectangular = WAVEFORMS[kind].has_contact_ratio
-        if MEAN in wanted:
+        if self.p.get("stiffness_per_width") is not None:
+            p["mean_stiffness"] = number(self.p, "stiffness_per_width") * self.each(lambda pair: pair.face_width)
+        elif MEAN in wanted:
             p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
         if CONTACT_RATIO in wanted and rectangular:
             p["contact_ratio"] = self.contact_ratio
