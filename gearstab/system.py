@@ -68,6 +68,8 @@ class Mesh:
         lets them part; everything else is about the linear system in contact.
     backlash_zero: where in the play g_i^T q = e_i is: in its ``middle``, or on the ``drive_side``, at the flank that
         carries the load.
+    part_of: the name of the mesh whose stiffness it changes, "" for a mesh by itself. A weak tooth is such a part, with
+        the period of its shaft and a negative stiffness; its force counts to that of the mesh.
     """
 
     name: str
@@ -81,6 +83,7 @@ class Mesh:
     damping: Array | float = 0.0
     backlash: Array | float = 0.0
     backlash_zero: str = "middle"
+    part_of: str = ""
 
     @property
     def amplitude(self) -> Array:
@@ -89,7 +92,9 @@ class Mesh:
 
     @property
     def lowest_stiffness(self) -> Array:
-        """The softest level of k_i(t)."""
+        """The softest level of k_i(t); infinite of a part, which has no sign of its own to keep."""
+        if self.part_of:
+            return np.full(np.broadcast_shapes(np.shape(self.mean_stiffness), self.waveform.batch), np.inf)
         return self.mean_stiffness + 2 * self.amplitude * self.waveform.extremes()[0]
 
     @property
@@ -330,6 +335,19 @@ class GearSystem:
         """Frequency ratios of the meshes, then of the terms."""
         return [mesh.frequency_ratio for mesh in self.meshes] + [term.frequency_ratio for term in self.terms]
 
+    @cached_property
+    def whole_meshes(self) -> tuple[Mesh, ...]:
+        """The meshes without their parts, which come last."""
+        return tuple(mesh for mesh in self.meshes if not mesh.part_of)
+
+    @cached_property
+    def wholes(self) -> Array | None:
+        """S ``(meshes, whole meshes)``: column j has 1 for mesh j and for its parts; None where no mesh has parts."""
+        names = [mesh.name for mesh in self.whole_meshes]
+        if len(names) == len(self.meshes):
+            return None
+        return np.array([[float(name in (mesh.name, mesh.part_of)) for name in names] for mesh in self.meshes])
+
     def over(self, batch: tuple[int, ...]) -> GearSystem:
         """The same system with the given batch shape, carried by its mass: what varies or not no longer decides it."""
         return replace(self, mass=np.broadcast_to(self.mass, (*batch, self.size, self.size)))
@@ -418,6 +436,11 @@ class GearSystem:
         the terms after those of the meshes. Raises NotPossible where there is none.
         """
         return shared_period(self.frequency_ratios)
+
+
+def of_wholes(forces: Array, wholes: Array | None) -> Array:
+    """Return the forces of whole meshes from those of all meshes and parts; see :attr:`GearSystem.wholes`."""
+    return forces if wholes is None else forces @ wholes
 
 
 def _symmetric(matrix: Array) -> bool:

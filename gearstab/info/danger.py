@@ -274,7 +274,7 @@ def _advice(
 def _alike(system: GearSystem, meshes: Any) -> dict[str, list[int]]:
     """Numbers of the meshes of the system by what describes them: an entry of the configuration, or part of a set."""
     found: dict[str, list[int]] = {}
-    for i, mesh in enumerate(system.meshes):
+    for i, mesh in enumerate(system.whole_meshes):
         name = mesh.name if mesh.name in _places(meshes) else mesh.name.rstrip("0123456789").rstrip(".")
         found.setdefault(name, []).append(i)
     return found

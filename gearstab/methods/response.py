@@ -80,7 +80,7 @@ class SteadyStateAnalysis(Method):
         return flagged(SPEED_RESPONSE, STATUS_FLAGS)
 
     def constants(self) -> Mapping[str, Any]:
-        return {"mesh": [mesh.name for mesh in self.system.meshes]}
+        return {"mesh": [mesh.name for mesh in self.system.whole_meshes]}
 
     def run(self, mesh_frequency: Array) -> Outcome:
         from gearstab.response.linear.speeds import speed_response

@@ -36,6 +36,7 @@ class Excitation:
     errors, slopes: ``(rows, meshes, L)``: e_i = errors z, de_i/dt = Omega slopes z.
     directions: ``(rows, meshes, n)``, g_i;  dampings: ``(rows, meshes)``, c_i.
     others: ``(rows, n, F)``, directions of the forces that are no Fourier series.
+    wholes: ``(meshes, meshes)``, of the system, for :func:`gearstab.system.of_wholes`.
     exerted: ``(meshes, F)``, 1 where the teeth of a mesh exert such a force, else 0.
     """
 
@@ -50,6 +51,7 @@ class Excitation:
     directions: Array
     dampings: Array
     others: Array
+    wholes: Array | None
     exerted: Array
 
     def subset(self, index: Array) -> Excitation:
@@ -125,6 +127,10 @@ def excitation(system: GearSystem) -> Excitation:
     for i, (profile, count, lag) in enumerate(errors):
         if profile is not None:
             table[:, i] = _series(system, profile, count, lag, harmonics)
+    names = [mesh.name for mesh in system.meshes]
+    for i, mesh in enumerate(system.meshes):
+        if mesh.part_of:  # it is stretched as the whole mesh is
+            table[:, i] = table[:, names.index(mesh.part_of)]
     return Excitation(
         cycles=float(cycles), counts=meshes, schedule=divided(Functions(varying, system.batch)), exact=exact,
         harmonics=harmonics,
@@ -133,6 +139,7 @@ def excitation(system: GearSystem) -> Excitation:
         dampings=np.stack([system.flat(mesh.damping, 0) for mesh in system.meshes], axis=1),
         others=np.stack([system.flat(force.direction, 1) for force, _ in shaped], axis=-1)
         if shaped else np.zeros((rows, system.size, 0)),
+        wholes=system.wholes,
         exerted=np.array([[float(force.mesh == mesh.name) for force, _ in shaped] for mesh in system.meshes]),
     )  # fmt: skip
 

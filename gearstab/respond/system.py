@@ -200,7 +200,7 @@ def _tree(
     common: dict[str, Any] = {
         "dof": list(system.coordinates),
         "dof_units": list(system.coordinate_units),
-        "mesh": [mesh.name for mesh in system.meshes],
+        "mesh": [mesh.name for mesh in system.whole_meshes],
         "status": found.flags,
     }
     if system.load is not None:
@@ -209,7 +209,8 @@ def _tree(
     cycles = config.system.cycles_of_input(config.system)
     table = with_orders(in_units_of(system, table), None if cycles is None else found.mesh_frequency / cycles)
     fields = fields_of(table, {**common, **values, **_spectral(wanted, system, found)})
-    group = Group(fields, {**{name: getattr(found, name) for name in said}, **attributes})
+    shafts = weak_shafts(system)
+    group = Group(fields, {**{name: getattr(found, name) for name in said}, **attributes, **shafts})
     root = Group((), root_attributes(RESPOND, config))
     return ResultTree(root, {"modes": modes_group(system), "response": group})
 
@@ -235,4 +236,18 @@ def _named(spectra: Spectra, what: str, system: GearSystem) -> dict[str, Any]:
         "peak_mesh": [system.meshes[i].name for i in mesh],
         "peak_frequency": spectra.frequency[index],
         f"peak_{what}": spectra.force[index, mesh],
+    }
+
+
+def weak_shafts(system: GearSystem) -> dict[str, Any]:
+    """Attributes of a system with weak teeth: their meshes, numbers of teeth, and shaft frequencies over Omega."""
+    parts = [mesh for mesh in system.meshes if mesh.part_of]
+    if not parts:
+        return {}
+    ratios = {mesh.name: mesh.frequency_ratio for mesh in system.meshes}
+    return {
+        "weak_meshes": "\n".join(part.part_of for part in parts),
+        "weak_teeth": "\n".join(part.name for part in parts),
+        "weak_counts": [round(ratios[part.part_of] / part.frequency_ratio) for part in parts],
+        "weak_ratios": [float(part.frequency_ratio) for part in parts],
     }

@@ -77,10 +77,10 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
     if "damping" in contents:
         from_file["damping"] = {"matrix": contents["damping"]}
     meant = as_meant(raw | from_file, model)
-    samples = _read_samples(document, model, meant, source)
+    samples, doubts = _read_samples(document, model, meant, source)
     context = sweep.Context(document, model, meant)
     layouts = sweep.layouts(context) if "sweep" in document.data else []
-    doubts = list(sweep.without_effect(document, layouts))
+    doubts += sweep.without_effect(document, layouts)
     variables: list[sweep.UnresolvedAxis] = []
     if "design" in document.data:
         from gearstab.config.sections import design
@@ -125,14 +125,15 @@ def _name_meshes(document: Document, model: type[System]) -> None:
 
 def _read_samples(
     document: Document, model: type[System], section: dict[str, Any], source: FilePath
-) -> dict[Path, Array]:
-    """Return the contents of the files of waveforms, by the place of the waveform below ``system``; problems are
-    reported.
+) -> tuple[dict[Path, Array], list[Problem]]:
+    """Return the contents of the files of waveforms, by the place of the waveform below ``system``, and what is
+    doubtful about them; problems are reported.
     """
     from gearstab.config.checks.samples import waveforms
     from gearstab.waveforms.section import wave_of
 
     found: dict[Path, Array] = {}
+    doubts: list[Problem] = []
     for path, waveform in waveforms(section, ()):
         name, wave = waveform.get("file"), wave_of(waveform)
         if not isinstance(name, str) or wave is None:
@@ -144,7 +145,11 @@ def _read_samples(
         interpolation = waveform.get("interpolation") or "linear"
         try:
             columns = {key: quantity_at(model, section, (*path, key), kind) for key, kind in wave.columns.items()}
-            found[path] = read_samples(source.parent / name, wave, str(interpolation), columns)
+            found[path], doubt = read_samples(source.parent / name, wave, str(interpolation), columns)
         except DataFileError as error:
             document.report(("system", *path, "file"), "file", str(error), error.hint, value=name)
-    return found
+            continue
+        if doubt:
+            place = ("system", *path, "file")
+            doubts.append(document.problem(place, "unusual", doubt, "check the measurement", value=name))
+    return found, doubts

@@ -74,7 +74,7 @@ def speed_response(
     omega = system.operating_points(mesh_frequency)
     static = system.flat(static_mesh_force(system), 1)
     pairs = contact(system)
-    table = np.full((9, *omega.shape, len(system.meshes)), np.nan)
+    table = np.full((9, *omega.shape, len(system.whole_meshes)), np.nan)
     status = np.zeros(omega.shape, dtype=np.int16)
     for row, column, begin in starts(system, omega, tolerance, samples_per_cycle):
         part = Contact(pairs.begin[row], pairs.pairs[row], pairs.lag[row])

@@ -14,7 +14,7 @@ import numpy as np
 from gearstab.propagation.bundles import Bundle, Course, bundles
 from gearstab.propagation.intervals import Interval, SteadyPoints
 from gearstab.response.measures.extremes import BETWEEN, HERMITE, NODES, RATES, extremes
-from gearstab.system import Array
+from gearstab.system import Array, of_wholes
 
 WEIGHTS = np.array([1 / 20, 49 / 180, 16 / 45, 49 / 180, 1 / 20])
 """Gauss-Lobatto rule of five nodes on [0, 1] (Abramowitz & Stegun 1964, 25.4.32)."""
@@ -98,7 +98,8 @@ def _bundled(course: Course, modal: Array, count: int) -> PanelSamples:
     z = bundle.points.excitation.z(tau)
     force = bundle.stiffness * (deflection - np.einsum("kil,pjqkl->pjqki", errors, z))
     force_rate = bundle.stiffness * (rate - np.einsum("kil,pjqkl->pjqki", slopes, z))
-    return PanelSamples(tau, bundle.length / count, force, deflection, force_rate, rate)
+    fields = _of_wholes(bundle.points, force, deflection, force_rate, rate)
+    return PanelSamples(tau, bundle.length / count, *fields)
 
 
 def _alone(interval: Interval, x: Array, gauges: Array, panels: float) -> tuple[Array, PanelSamples]:
@@ -112,8 +113,17 @@ def _alone(interval: Interval, x: Array, gauges: Array, panels: float) -> tuple[
     deflection, rate = _deflections(points, seen.reshape(count, len(NODES), *seen.shape[1:]))
     tau, length = (begin + flat[:, None] * (end - begin)).reshape(deflection.shape[:3]), (end - begin) / count
     force, force_rate = _force(points, q, tau, length, deflection, rate)
-    fields = (force, deflection, force_rate, rate)
+    fields = _of_wholes(points, force, deflection, force_rate, rate)
     return state[-1], PanelSamples(tau[:, :, None], length[None], *(field[:, :, None] for field in fields))
+
+
+def _of_wholes(points: SteadyPoints, force: Array, deflection: Array, force_rate: Array, rate: Array) -> list[Array]:
+    """The same of whole meshes: forces of parts added to theirs, deflections of parts left out."""
+    wholes = points.excitation.wholes
+    if wholes is None:
+        return [force, deflection, force_rate, rate]
+    count = wholes.shape[1]
+    return [of_wholes(force, wholes), deflection[..., :count], of_wholes(force_rate, wholes), rate[..., :count]]
 
 
 def _fractions(count: int, nodes: Array) -> Array:

@@ -16,14 +16,17 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.gears.relief import ReliefForce
 from gearstab.rotation import Rotation
-from gearstab.system import Array, GearSystem, PeriodicForce, PeriodicTerm
+from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
 from gearstab.systems.gearbox.loads import torques
 from gearstab.systems.gearbox.mesh import from_teeth
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet, TrainSetRows
+from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.kinematics import TrainError, Where
+from gearstab.systems.parts.faults import weak_tooth
+from gearstab.waveforms import Rectangular, Tooth
 
 
 def build(p: Any) -> GearSystem:
@@ -36,13 +39,14 @@ def build(p: Any) -> GearSystem:
     pairs = [mesh_element(train, k) for k in range(len(train.pairs))]
     elements = [*_bodies(train), *shaft_elements(train), *_supports(train)]
     elements += [element for row in rows for element in row.planets_of(train.damping_factor)]
-    symmetries = [row.cyclic() for row in rows if row.item.planets.get("angles") is None and not train.shared(row.item)]
+    symmetries = [row.cyclic() for row in rows if _cyclic(train, row)]
     meshes = [mesh for row in rows for mesh in _set_meshes(train, row)] + pairs
     assembly = Assembly(train.coordinates, elements, meshes)
     rotations = tuple(_turning(train, row) for row in rows if row.item.p.get("carrier_speed") is not None)
     system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries), rotations=rotations)
     system = replace(system, forces=(*system.forces, *_reliefs(train, system)))
-    return _rubbed(train, system, [rotors.number(item.p, "damping") for item in pairs])
+    whole = _rubbed(train, system, [rotors.number(item.p, "damping") for item in pairs])
+    return replace(whole, meshes=(*whole.meshes, *_weak_teeth(train, whole)))
 
 
 def _reliefs(train: Train, system: GearSystem) -> Iterator[PeriodicForce]:
@@ -63,6 +67,46 @@ def _rows(train: Train, item: TrainSet) -> TrainSetRows:
         message = f"moves in the plane of {item.name}, which turns with its carrier, and is in another mesh as well"
         raise TrainError(place, message, "give that mesh a rotor of its own and join both by a shaft")
     return item.rows(train.coordinates, train.signs)
+
+
+def _cyclic(train: Train, row: TrainSetRows) -> bool:
+    """Whether the mean system has the symmetry of a set: equal planets at equal angles, and no other mesh of a member.
+
+    A weak tooth of sun or ring meets all planets, one of a planet its own meshes only.
+    """
+    spoilt = any(fault["gear"] == "planet" for fault in row.item.p.get("faults") or [])
+    return row.item.planets.get("angles") is None and not train.shared(row.item) and not spoilt
+
+
+def _weak_teeth(train: Train, system: GearSystem) -> Iterator[Mesh]:
+    """Yield what the meshes lack while weak pairs of teeth carry."""
+    known = {mesh.name: mesh for mesh in system.meshes}
+    found: dict[str, int] = {}
+
+    def part(name: str, teeth: MeshTeeth, p: Any, fault: Any, count: int, cycles: int) -> Mesh:
+        whole, title = known[name], f"{name}.{fault['gear']} tooth {fault.get('tooth', 1)}"
+        found[title] = found.get(title, 0) + 1
+        title += f" ({found[title]})" if found[title] > 1 else ""
+        c, factor = teeth.given_contact_ratio(p), fault["factor"]
+        overlap = teeth.each(lambda pair: pair.overlap_ratio)
+        if not isinstance(whole.waveform, Tooth):
+            if not teeth.helical:
+                return weak_tooth(whole, title, count, factor, c, cycles)
+            # The wave of helical teeth is that of the transverse section, averaged over the width.
+            whole = replace(whole, waveform=Rectangular(c))
+            return weak_tooth(whole, title, count, factor, c, cycles, overlap=overlap)
+        return weak_tooth(whole, title, count, factor, c, cycles, teeth.one_pair, overlap)
+
+    for item in train.sets:
+        planets_turn, sun_drives, _ = train.power(item)
+        for name, n, fault, cycles in item.weak_pairs(planets_turn, sun_drives):
+            teeth = {"sun": item.teeth.sun, "ring": item.teeth.ring}[name]
+            count = item.counted(fault["gear"])
+            yield part(f"{item.name}.{name}.{n}", teeth, teeth.p, fault, count, cycles)
+    for k, gears in enumerate(train.pairs):
+        p, counts = train.p["meshes"][k], {train.name(gear): train.teeth(gear) for gear in gears}
+        for fault in p.get("faults") or []:
+            yield part(p["name"], train.teeth_of(k), p, fault, counts[fault["gear"]], int(fault.get("tooth", 1)) - 1)
 
 
 def _turning(train: Train, rows: TrainSetRows) -> Rotation:

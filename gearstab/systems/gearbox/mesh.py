@@ -17,6 +17,7 @@ from gearstab.config.model.fields import (
     Quantity,
     Section,
 )
+from gearstab.systems.parts.faults import Fault
 from gearstab.systems.parts.forcing import TransmissionError
 from gearstab.systems.parts.mesh import Lag, NamedToothMesh, StiffnessOfTeeth, following_conflicts, given_by_teeth
 from gearstab.waveforms import WAVEFORMS
@@ -37,7 +38,8 @@ LUBRICATED = ("xu_kahraman", "benedict_kelley")
 POWERS = {"linear": 1, "parabolic": 2}
 """Forms of profile relief, and how its depth grows with the distance from where it begins."""
 NOT_WITH_RELIEF = (
-    "mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio", "variation", "friction", "backlash",
+    "mean_stiffness", "max_stiffness", "stiffness_per_width", "epsilon", "amplitude", "contact_ratio", "variation",
+    "friction", "backlash",
 )  # fmt: skip
 """Keys of a mesh whose place relief takes, or for which it is not computed."""
 
@@ -68,6 +70,11 @@ class TrainMeshKeys(StiffnessOfTeeth):
         default=None,
         title="damping ratio of the mesh",
         description="zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping.",
+    )
+    stiffness_per_width: Annotated[float, Field(gt=0), Quantity("N/m^2")] | None = Field(
+        default=None,
+        title="mesh stiffness per face width",
+        description='c_gamma, the mean over the common face width (N/m^2, "20 N/(mm um)"); or give mean_stiffness.',
     )
     relief: MeshRelief | None = Field(
         default=None,
@@ -154,11 +161,12 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
         "its peak-to-peak; or its first harmonic.",
     )
     friction: Friction | None = Field(default=None, title="friction", description="Between the teeth; none without.")
+    faults: list[Fault] = Field(default=[], title="faults", description="Weak teeth of either gear.")
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """Each quantity once; a wave that is complete where the teeth do not give it."""
-        yield from at_most_one(raw, ("mean_stiffness", "max_stiffness"))
+        yield from at_most_one(raw, ("mean_stiffness", "max_stiffness", "stiffness_per_width"))
         yield from at_most_one(raw, ("epsilon", "amplitude"))
         yield from at_most_one(raw, ("damping", "damping_ratio"))
         yield from shape_conflicts(raw)
@@ -184,7 +192,8 @@ def from_teeth(p: Any) -> frozenset[str]:
     if wave.of_teeth:
         return frozenset((MEAN, VARIATION, CONTACT_RATIO, WAVE))
     found = set()
-    if not has_own_mean(p) and p.get("mean_stiffness") is None and p.get("max_stiffness") is None:
+    own = has_own_mean(p) or p.get("mean_stiffness") is not None or p.get("max_stiffness") is not None
+    if not own or p.get("stiffness_per_width") is not None:
         found.add(MEAN)
     if not wave.own_variation and p.get("epsilon") is None and p.get("amplitude") is None:
         found.add(VARIATION)
@@ -196,4 +205,5 @@ def from_teeth(p: Any) -> frozenset[str]:
 def needs_width(p: Any) -> bool:
     """Whether the face widths of the gears of a mesh matter."""
     rubs = (p.get("friction") or {}).get("kind", "constant") != "constant"
-    return rubs or (MEAN in from_teeth(p) and p.get("single_pair_stiffness") is None)
+    measured = p.get("single_pair_stiffness") is not None and p.get("stiffness_per_width") is None
+    return rubs or (MEAN in from_teeth(p) and not measured)

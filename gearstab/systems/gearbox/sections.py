@@ -11,7 +11,7 @@ from pydantic import Field
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.tree import mapping
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict, items, within_each
+from gearstab.config.model.conflicts import Conflict, below, items, within_each
 from gearstab.config.model.fields import (
     AngularFrequency,
     Choice,
@@ -28,9 +28,10 @@ from gearstab.systems.gearbox.feasibility import check_train
 from gearstab.systems.gearbox.mesh import LUBRICATED, GearboxMesh
 from gearstab.systems.gearbox.missing import missing_of_teeth
 from gearstab.systems.gearbox.rotors import moves, slides, turns
-from gearstab.systems.gearbox.set_sections import PlanetarySet, complete_angles
+from gearstab.systems.gearbox.set_sections import PlanetarySet, complete_angles, set_fault_conflicts
 from gearstab.systems.gearbox.set_sections import conflicts as set_conflicts
 from gearstab.systems.gearbox.train import Train
+from gearstab.systems.parts.faults import fault_conflicts
 from gearstab.systems.parts.mesh import ToothMesh
 from gearstab.systems.planetary.feasibility import MOST_PLANETS, whole
 
@@ -196,6 +197,7 @@ class Gearbox(System):
         yield from missing_of_teeth(raw, shared)
         yield from _loaded(raw)
         yield from _torques(raw)
+        yield from _faults(raw)
 
 
 def _names(raw: dict[str, Any]) -> Iterator[Conflict]:
@@ -225,6 +227,18 @@ def _names(raw: dict[str, Any]) -> Iterator[Conflict]:
             yield path, "unknown_name", f"there is no rotor '{name}'", nearest(name, rotors)
         elif isinstance(name, str) and geared and rotors[name].get("teeth") is None:
             yield path, "not_applicable", f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
+
+
+def _faults(raw: dict[str, Any]) -> Iterator[Conflict]:
+    """Weak teeth that there are, of gears that are in the mesh."""
+    counts = {rotor.get("name"): rotor.get("teeth") for _, rotor in items(raw.get("rotors"))}
+    for i, mesh in items(raw.get("meshes")):
+        gears = [name for _, name in items(mesh.get("gears"))]
+        yield from below("meshes", below(i, fault_conflicts(mesh, gears, counts)))
+    for i, item in items(raw.get("planetary_sets")):
+        planets = item.get("planets") or {}
+        teeth = {gear: counts.get(item.get(gear)) for gear in ("sun", "ring")} | {"planet": planets.get("teeth")}
+        yield from below("planetary_sets", below(i, set_fault_conflicts(item, teeth, planets.get("count"))))
 
 
 def _loaded(raw: dict[str, Any]) -> Iterator[Conflict]:

@@ -25,10 +25,12 @@ from gearstab.config.model.fields import (
     Section,
     ToothCount,
     Turns,
+    Whole,
     also,
 )
 from gearstab.systems.gearbox.bodies import Support, Teeth
 from gearstab.systems.gearbox.mesh import TrainMeshKeys, relief_conflicts
+from gearstab.systems.parts.faults import Fault, fault_conflicts
 from gearstab.systems.parts.mesh import Named, ToothMesh
 from gearstab.systems.planetary import angles
 from gearstab.systems.planetary.angles import ASSEMBLE
@@ -37,6 +39,8 @@ from gearstab.systems.planetary.phasing import RULES
 
 MEMBERS = ("sun", "ring", "carrier")
 """Members of a set, each a rotor."""
+FAULTY = ("sun", "planet", "ring")
+"""Gears of a set."""
 
 
 class Planets(Teeth):
@@ -98,6 +102,18 @@ class SetPhases(Section):
     )
 
 
+class SetFault(Fault):
+    """A weak tooth of a gear of a set."""
+
+    gear: Annotated[str, Choice("gear of a set", FAULTY)] = Field(title="gear", description="sun, planet or ring.")
+    planet: Annotated[int, Field(ge=1), Whole] | None = Field(
+        default=None, title="number of the planet", description="Of a weak tooth of a planet, from 1; 1 without."
+    )
+    flank: Annotated[str, Choice("mesh", ("sun", "ring"))] | None = Field(
+        default=None, title="flank with the pit", description="That in the sun's mesh or the ring's; sun without."
+    )
+
+
 class PlanetarySet(Named):
     """A sun, planets on a carrier and a ring; each member is a rotor of the train."""
 
@@ -122,6 +138,7 @@ class PlanetarySet(Named):
     phases: SetPhases | None = Field(
         default=None, title="mesh phases", description="How far the ring's meshes lag the sun's."
     )
+    faults: list[SetFault] = Field(default=[], title="faults", description="Weak teeth of sun, planets and ring.")
 
 
 def conflicts(raw: dict[str, Any]) -> Iterator[Conflict]:
@@ -160,6 +177,7 @@ def _meshes(item: dict[str, Any]) -> Iterator[Conflict]:
         if (mesh := meshes.get(name)) is not None:
             place: Path = ("meshes", name)
             wrong = [*SetMesh.conflicts_of(mesh, True), *at_most_one(mesh, ("damping", "damping_ratio"))]
+            wrong += at_most_one(mesh, ("mean_stiffness", "max_stiffness", "stiffness_per_width"))
             wrong += relief_conflicts(mesh)
             yield from (((*place, *path), code, message, hint) for path, code, message, hint in wrong)
     phases = item.get("phases") or {}
@@ -185,6 +203,20 @@ def _teeth(item: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[
         return  # their units are read later
     for path, code, message, hint in assembly(sun, planet, ring, count):
         yield ("planets", path[-1] if path[-1] == "angles" else "teeth"), code, message, hint
+
+
+def set_fault_conflicts(raw: dict[str, Any], teeth: dict[str, Any], count: Any) -> Iterator[Conflict]:
+    """Yield what contradicts itself in the ``faults`` of a set. teeth: by gear; count: of planets."""
+    yield from fault_conflicts(raw, FAULTY, teeth)
+    for k, item in items(raw.get("faults")):
+        of_planet, planet = item.get("gear") == "planet", item.get("planet")
+        for key in ("planet", "flank"):
+            if item.get(key) is not None and not of_planet:
+                yield ("faults", k, key), "not_applicable", f"a tooth of the {item.get('gear')} has none", "remove it"
+        if of_planet and item.get("flank") is not None and item.get("kind", "crack") == "crack":
+            yield ("faults", k, "flank"), "not_applicable", "a crack weakens both flanks", "remove it, or kind: pit"
+        if type(planet) is int and whole(count, 1, MOST_PLANETS) and planet > int(count):
+            yield ("faults", k, "planet"), "out_of_range", f"there are {int(count)} planets", f"write 1 to {int(count)}"
 
 
 def complete_angles(document: Document, raw: dict[str, Any]) -> None:

@@ -20,7 +20,7 @@ from gearstab.gears.friction import (
     mesh_friction,
 )
 from gearstab.gears.geometry import Gear
-from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, mesh_stiffness
+from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.gears.relief import FlankRelief, LoadedMesh, Relief, loaded_mesh
 from gearstab.system import Array
@@ -196,7 +196,9 @@ class MeshTeeth:
         wanted = from_teeth(self.p)
         kind = (self.p.get("waveform") or {}).get("kind", "rectangular")
         rectangular = WAVEFORMS[kind].has_contact_ratio
-        if MEAN in wanted:
+        if self.p.get("stiffness_per_width") is not None:
+            p["mean_stiffness"] = number(self.p, "stiffness_per_width") * self.each(lambda pair: pair.face_width)
+        elif MEAN in wanted:
             p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
         if CONTACT_RATIO in wanted and rectangular:
             p["contact_ratio"] = self.contact_ratio
@@ -219,6 +221,21 @@ class MeshTeeth:
             return whole
         pairs = [whole.fourier(s) for s in range(1, int(harmonics) + 1)]
         return Fourier(*(np.stack([pair[side] for pair in pairs], axis=-1) for side in (0, 1)))
+
+    def given_contact_ratio(self, p: dict[str, Any]) -> Array:
+        """Return the contact ratio that a mesh with these parameters gives, else that of the teeth."""
+        given = p.get("contact_ratio")
+        return self.each(lambda pair: pair.contact_ratio) if given is None else np.asarray(given, dtype=float)
+
+    def one_pair(self, x: Array, cycle: Array) -> Array:
+        """The computed stiffness of a pair of teeth, x mesh periods after it entered, ``(..., *batch)``."""
+        found = np.empty(np.broadcast_shapes(np.shape(x), self.batch))
+        x, cycle = np.broadcast_to(x, found.shape), np.broadcast_to(cycle, found.shape).astype(int)
+        for k, index in enumerate(np.ndindex(*self.batch)):
+            of = (..., *index)
+            every = contact_stiffness(self.pairs[k], x[of], self.models[k])[1]
+            found[of] = np.take_along_axis(every, cycle[of][..., None], axis=-1)[..., 0]
+        return found
 
     def friction(self, law: Any, speed: Array, force: Array) -> Rubbing:
         """Its functions of the mesh phase, at the driver's |speed| (rad/s) under the static mesh |force| (N)."""

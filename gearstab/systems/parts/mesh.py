@@ -168,7 +168,7 @@ def given_by_teeth(raw: dict[str, Any]) -> Iterator[Conflict]:
     wave = wave_of(raw.get("waveform"))
     if wave is None or not wave.of_teeth:
         return
-    for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
+    for key in ("mean_stiffness", "max_stiffness", "stiffness_per_width", "epsilon", "amplitude", "contact_ratio"):
         if raw.get(key) is not None:
             remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
             yield (key,), "already_given", "the teeth give it", f"{remedy}single_pair_stiffness and variation"
