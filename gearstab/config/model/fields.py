@@ -153,8 +153,8 @@ def _usual_ratio(ratio: Fraction | float) -> None:
 class Ratio:
     """A positive ratio of tooth numbers or frequencies, kept exact: 1, 0.6 or "3/5".
 
-    signed: whether it may be negative, for the other sense of a rotation, or 0, for none. exact: false for one that stands for an
-    irrational number, a float.
+    signed: whether it may be negative, for the other sense of a rotation, or 0, for none.
+    exact: false for one that stands for an irrational number, a float.
     sibling: the flag before it in the section that says which of the two it is.
     """
 

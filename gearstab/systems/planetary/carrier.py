@@ -29,7 +29,9 @@ class CarrierSpeed(Section):
     """W_c, counter-clockwise positive as planets are numbered: a part of the mesh frequency, or held."""
 
     speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(
-        default=None, title="speed ratio of the carrier", description='W_c/Omega, exact: "1/99"; or in short; 0: at rest.'
+        default=None,
+        title="speed ratio of the carrier",
+        description='W_c/Omega, exact: "1/99"; or in short; 0: at rest.',
     )
     speed: Annotated[float, Quantity("rad/s")] | None = Field(
         default=None,
