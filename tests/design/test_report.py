@@ -204,7 +204,7 @@ def test_the_worst_speeds() -> None:
 
 
 def test_a_rotor_that_whirls() -> None:
-    """Its regions go with its speeds of rotation, and so do the numbers and damping ratios of its motions."""
+    """Its regions go with its speeds of rotation, and so do the numbers and damping ratios of motions."""
     blocks = page(load(CONFIGS / "spinning" / "rotor.yaml"), lambda text: None).blocks
     tables = {block.header[0]: block for block in blocks if isinstance(block, Table) and block.header[0]}
     rows = {row[0]: row for row in tables["region"].rows}
