@@ -170,12 +170,13 @@ def _existence(system: GearSystem, found: dict[str, Any]) -> dict[str, Any]:
     apply.
 
     ``types`` of a tongue are the T of all modes that share its two frequencies; ``allowed`` whether the rule holds for
-    any pair of them.
+    any pair of them. Motions that are no real modes have no rule: their numbers go with the mesh frequency.
     """
     from gearstab.perturbation.multiple_scales import partitions
+    from gearstab.support import whirls
     from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step
 
-    step = phase_step(system)
+    step = None if whirls(system) else phase_step(system)
     if step is None:
         return {"existence_rule": None, **found}
     order = system.symmetries[0].order

@@ -62,7 +62,7 @@ class RotationSection(Section):
 
 
 def rotations(p: Any) -> tuple[Rotation, ...]:
-    """Return the rotations of a section."""
+    """Return the rotations of a section; a speed ratio of 0 is none."""
     return tuple(
         Rotation(
             part.get("speed_ratio"),
@@ -70,6 +70,7 @@ def rotations(p: Any) -> tuple[Rotation, ...]:
             **{name: matrix(part[name]) for name in OF_ROTATION if part.get(name) is not None},
         )
         for part in p.rotation
+        if part.get("speed_ratio") != 0
     )
 
 

@@ -21,11 +21,17 @@ FROM_TEETH = "from_teeth"
 """Written in place of the speed: as the teeth, input and fixed body say."""
 
 
+AT_REST = ({"speed_ratio": 0}, {"speed_ratio": "0"})
+"""Written out, a carrier that does not turn: nothing depends on it, whatever the gear."""
+
+
 class CarrierSpeed(Section):
     """W_c, counter-clockwise positive as planets are numbered: a part of the mesh frequency, or held."""
 
     speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(
-        default=None, title="speed ratio of the carrier", description='W_c/Omega, exact: "1/99"; or in short.'
+        default=None,
+        title="speed ratio of the carrier",
+        description='W_c/Omega, exact: "1/99"; or in short; 0: at rest.',
     )
     speed: Annotated[float, Quantity("rad/s")] | None = Field(
         default=None,
@@ -48,7 +54,7 @@ class CarrierSpeed(Section):
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """One speed, of a gear whose bodies move in the plane and whose elastic ring does not turn."""
         given = raw.get("carrier_speed")
-        if given is None:
+        if given is None or given in AT_REST:
             return
         if not given.get("from_teeth"):
             yield from within(raw, "carrier_speed", lambda part: exactly_one(part, ("speed_ratio", "speed")))
@@ -84,7 +90,7 @@ def rotations(p: Any, mass: Array, frame: Array, carrier: int) -> tuple[Rotation
     ratio, teeth = given.get("speed_ratio"), p.get("teeth")
     if given.get("from_teeth") and teeth and (moving := Turning.of(p, int(teeth["sun"]), int(teeth["ring"]))):
         ratio = moving.carrier
-    if not ratio and given.get("speed") is None:
+    if not ratio and not np.any(given.get("speed") or 0.0):
         return ()
     speed, back = np.asarray(given.get("speed") or 0.0, dtype=float), frame.T
     rotation = Rotation(ratio, speed, gyroscopic=mass @ frame - back @ mass, centripetal=-back @ mass @ frame)
