@@ -13,10 +13,11 @@ from scipy.linalg import expm
 
 pytest.importorskip("flint")
 
-from gearstab.certificates import choices, equations, verifier
+from gearstab.certificates import choices, equations, polynomials, verifier
 from gearstab.certificates.equations import Segments, flow
 from gearstab.certificates.making import Maker
-from gearstab.certificates.verifier import Certificate, Flow, near, proves
+from gearstab.certificates.polynomials import near
+from gearstab.certificates.verifier import Certificate, Flow, proves
 
 GYROSCOPIC = np.array([[0.0, -1.0], [1.0, 0.0]])
 
@@ -212,10 +213,13 @@ def test_a_referee_reads_two_hundred_lines() -> None:
 
 
 def test_the_proof_imports_nothing_of_the_program() -> None:
-    """The verifier needs python-flint, NumPy, and a chooser of coordinates; what makes its matrices the verifier."""
-    library = {"__future__", "collections.abc", "dataclasses", "numpy", "flint"}
-    choosing, proving = "gearstab.certificates.choices", "gearstab.certificates.verifier"
-    for module, allowed in ((choices, set()), (verifier, {choosing}), (equations, {proving})):
+    """The verifier needs python-flint, NumPy, a chooser of coordinates and polynomials of matrices; what makes its
+    matrices the verifier.
+    """
+    library = {"__future__", "collections.abc", "dataclasses", "math", "numpy", "flint"}
+    choosing, proving, algebra = (f"gearstab.certificates.{name}" for name in ("choices", "verifier", "polynomials"))
+    table = ((choices, set()), (polynomials, set()), (verifier, {choosing, algebra}), (equations, {proving, algebra}))
+    for module, allowed in table:
         nodes = [node for node in ast.walk(ast.parse(getsource(module))) if isinstance(node, KINDS)]
         names = {node.module if isinstance(node, ast.ImportFrom) else node.names[0].name for node in nodes}
         assert {name for name in names if name.startswith("gearstab")} <= allowed
