@@ -296,7 +296,11 @@ def _design(solution: Solution) -> Iterator[Block]:
 def _contact(states: Sequence[State], shown: ShownSpeeds) -> Iterator[Block]:
     yield Heading("Contact of the teeth")
     for state in states:
-        found = contact.separation(state)
+        try:
+            found = contact.separation(state)
+        except NotPossible as error:
+            yield Text(f"Loss of contact is not judged: {error}.")
+            return
         if found is None:
             words = "Nothing drives the system in the configuration, so that loss of contact is not judged"
             yield Text(f"{words}: give a load and transmission errors.")
