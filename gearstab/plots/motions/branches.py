@@ -22,21 +22,26 @@ from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import curve
 from gearstab.plots.motions.speeds import scale
 from gearstab.plots.view import Request, View, view_along
+from gearstab.results.branches import branches_of
 from gearstab.results.display import SHOWN_SCALE, SPEEDS
 
 Array = np.ndarray
 Artists = dict[str, Any]
 
-MEASURE = "transmission_error_rms"
+MEASURE = "amplitude_rms"
 """Variables drawn without --variable."""
 WORDS = {
+    "amplitude_rms": "transmission error, rms",
+    "amplitude_peak": "transmission error, peak",
     "transmission_error_rms": "transmission error, rms",
     "transmission_error_peak_to_peak": "transmission error, peak to peak",
 }
 """Names that fit beside the axis."""
 VALUE = "branch_value"
 """The variable that holds the value of the axis, of branches along another one than the mesh frequency."""
-MARKS = {1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s"), 4: ("branch point", "^")}
+MARKS = {
+    1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s"), 4: ("grazing", "|"), 5: ("branch point", "^"),
+}  # fmt: skip
 """Kinds of points that are marked: what they are called, and how they look."""
 DASHED = (0, (3, 1.6))
 
@@ -45,8 +50,9 @@ def read_branches(tree: xr.DataTree, variable: str) -> xr.Dataset:
     """The group ``branches`` of a sweep. Raises PlotError if the result holds none, or not the variable."""
     if "branches" not in tree.children:
         raise PlotError(f"this result holds no branches (methods.branches); it holds {listed(tree.children)}")
-    dataset = tree["branches"].to_dataset()
-    known = [str(name) for name, item in dataset.data_vars.items() if {"point", "mesh"} <= set(map(str, item.dims))]
+    dataset = branches_of(tree)
+    of_meshes = [str(name) for name, item in dataset.data_vars.items() if {"point", "mesh"} <= set(map(str, item.dims))]
+    known = ["amplitude_rms", "amplitude_peak", *of_meshes]
     if variable not in known:
         raise PlotError(f"no variable {variable!r} along branches; --variable: {listed(known)}")
     return dataset
@@ -57,12 +63,14 @@ class Curves:
 
     def __init__(self, dataset: xr.Dataset, view: View, variable: str, unit: float) -> None:
         def values(name: str) -> Array:
-            return view.cut(dataset[name], "point")
+            return np.ravel(view.cut(dataset[name], "branch", "point"))
 
-        self.x = values(VALUE if VALUE in dataset else "branch_frequency") / unit
-        self.y, self.branch = values(variable).astype(float), values("branch")
-        self.stable, self.kind = values("motion_stable") == 1, values("kind")
-        self.jump, self.landing = values("jump"), values("landing")
+        self.x = values(VALUE if VALUE in dataset else "mesh_frequency") / unit
+        self.y, points = values(variable).astype(float), dataset.sizes["point"]
+        self.branch = np.where(np.isnan(self.x), -1, np.arange(len(self.x)) // points)
+        self.stable, self.kind, self.jump = values("stable") == 1, values("event"), values("jump")
+        there = values("landing_branch")
+        self.landing = np.where(there < 0, -1, there * points + values("landing_point"))
 
     def pieces(self) -> list[tuple[Array, bool]]:
         """Points of every stretch of a branch that is stable, or not; both ends belong to both sides."""
@@ -105,7 +113,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     dataset = read_branches(tree, variable)
     axes = sweep_axes(tree)
     along = str(dataset.attrs["over"]) if VALUE in dataset else next(name for name in SPEEDS if name in axes)
-    dims = dict.fromkeys([along, *(d for d in map(str, dataset[variable].dims) if d not in INNER), "mesh"])
+    dims = dict.fromkeys([along, *(d for d in map(str, dataset[variable].dims) if d not in INNER)] + ["mesh"] * ("mesh" in dataset[variable].dims))
     view = view_along(tree, dims, replace(request, x=request.x or along), dataset)
     if view.x.name != along:
         raise PlotError(f"branches are drawn over {along}, not over {view.x.name}")

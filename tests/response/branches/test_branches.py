@@ -25,7 +25,7 @@ ALWAYS, CONTACT = CASES
 @cache
 def searched(number: int) -> BranchSearch:
     low, high = CASES[number]["branch_from_to"]
-    found = BranchSearch(SectionMap(pair(CASES[number])), StepLimits(low, high, most=1500), switch=True)
+    found = BranchSearch(SectionMap(pair(CASES[number])), StepLimits(low, high, most=1500), {DOUBLING})
     found.run(Starts((0.7, 1.2)))
     return found
 
@@ -141,7 +141,7 @@ def integrated(case: dict[str, Any], omega: float, state: Array, periods: int) -
 def test_without_loss_of_contact_the_branch_is_the_linear_steady_state() -> None:
     """To 1e-10, with the load tenfold so that the teeth never part above 1.3."""
     case = ALWAYS | {"parameters": ALWAYS["parameters"] | {"load_F": 5.0}}
-    found = BranchSearch(SectionMap(pair(case)), StepLimits(1.3, 1.7, most=100), switch=False)
+    found = BranchSearch(SectionMap(pair(case)), StepLimits(1.3, 1.7, most=100))
     (branch,) = found.run(Starts((1.5,)))
     assert len(branch.motions) > 5
     omega = np.array([motion.parameter for motion in branch.motions])
