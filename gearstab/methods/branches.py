@@ -37,7 +37,7 @@ class BranchesOptions(Section):
         default=["linear", "rest"],
         min_length=1,
         title="start",
-        description="Where branches begin: the linear motion, and what the static equilibrium or random states settle to.",
+        description="Where branches begin: the linear motion, what the static equilibrium or random states settle to.",
     )
     at: list[float] | None = Field(
         default=None,
@@ -59,7 +59,7 @@ class BranchesOptions(Section):
         description="Whether branches of twice the period that leave at period doublings are followed too.",
     )
     branch_point: Literal["mark", "follow"] = Field(
-        default="mark", title="branch point", description="Whether branches that leave at branch points are followed too."
+        default="mark", title="branch point", description="Whether those that leave at branch points are followed, too."
     )
     points: Annotated[int, Field(ge=10, le=100_000), Whole] = Field(
         default=1000, title="points", description="Motions of all branches of a system together, at most."
@@ -150,8 +150,7 @@ class BranchAnalysis(Method):
 
     def followed(self, laps: SectionMap, low: float, high: float) -> dict[str, Array]:
         """Return the branches of a system within a range, by variable."""
-        from gearstab.response.branches.continuation import StepLimits
-        from gearstab.response.branches.continuation import BRANCHING, DOUBLING
+        from gearstab.response.branches.continuation import BRANCHING, DOUBLING, StepLimits
         from gearstab.response.branches.solve import BranchSearch, Starts
         from gearstab.response.branches.table import table
 

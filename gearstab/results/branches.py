@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def branches_of(tree: xr.DataTree) -> xr.Dataset:
     """Return the group with the axes over which it stands. Raises ResultError for one of an older layout."""
-    own = tree["branches"].to_dataset(inherit=False)
+    own = tree.children["branches"].to_dataset(inherit=False)
     if "branch_frequency" in own or "kind" in own:
         raise ResultError("its branches were written by an older gearstab, in another layout: run the sweep again")
     own = own.reset_coords([name for name, item in own.coords.items() if item.ndim > 1])

@@ -40,7 +40,8 @@ WORDS = {
 VALUE = "branch_value"
 """The variable that holds the value of the axis, of branches along another one than the mesh frequency."""
 MARKS = {
-    1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s"), 4: ("grazing", "|"), 5: ("branch point", "^"),
+    1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s"), 4: ("grazing", "|"),
+    5: ("branch point", "^"),
 }  # fmt: skip
 """Kinds of points that are marked: what they are called, and how they look."""
 DASHED = (0, (3, 1.6))
@@ -113,7 +114,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     dataset = read_branches(tree, variable)
     axes = sweep_axes(tree)
     along = str(dataset.attrs["over"]) if VALUE in dataset else next(name for name in SPEEDS if name in axes)
-    dims = dict.fromkeys([along, *(d for d in map(str, dataset[variable].dims) if d not in INNER)] + ["mesh"] * ("mesh" in dataset[variable].dims))
+    of_data = [str(dim) for dim in dataset[variable].dims]
+    dims = dict.fromkeys([along, *(dim for dim in of_data if dim not in INNER), *({"mesh"} & {*of_data})])
     view = view_along(tree, dims, replace(request, x=request.x or along), dataset)
     if view.x.name != along:
         raise PlotError(f"branches are drawn over {along}, not over {view.x.name}")

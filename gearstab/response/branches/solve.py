@@ -28,8 +28,8 @@ class Starts:
     """Where motions are looked for, and how.
 
     values: of the parameter.
-    kinds: what is tried at each. linear: Newton's method from the static equilibrium, which finds the linear steady state
-        at once if no contact is lost on the way; rest, random: what the static equilibrium, or so many random
+    kinds: what is tried at each. linear: Newton's method from the static equilibrium, which finds the linear steady
+        state at once if no contact is lost on the way; rest, random: what the static equilibrium, or so many random
         ``states``, settle to.
     cycles: of the first mesh, that a motion is given to settle.  seed: of the random states.
     """

@@ -131,7 +131,8 @@ def _counted(layout: Layout, block: GridBlock, part: FinishedBlock) -> bool:
     over_points = {
         variable.name: _inside(layout, block, variable, part.pieces(variable.name)[0])
         for variable in layout.method.results
-        if (variable.name == "stable" and variable.dims == (GRID,)) or (variable.name == "status" and GRID in variable.dims)
+        if variable.dims == (GRID,) or (variable.name == "status" and GRID in variable.dims)
+        if variable.name in ("stable", "status")
     }
     stable = over_points.get("stable", np.zeros(0))
     counts = int(np.count_nonzero(stable == 0)), int(np.count_nonzero(stable < 0))
