@@ -40,7 +40,7 @@ WORDS = {
 VALUE = "branch_value"
 """The variable that holds the value of the axis, of branches along another one than the mesh frequency."""
 MARKS = {
-    1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s"), 4: ("grazing", "|"),
+    1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s"),
     5: ("branch point", "^"),
 }  # fmt: skip
 """Kinds of points that are marked: what they are called, and how they look."""
@@ -79,7 +79,7 @@ class Curves:
         for number in range(int(self.branch.max(initial=-1)) + 1):
             own = np.flatnonzero(self.branch == number)
             # A stretch between two points is stable where both are, or one is and the other is where stability changes.
-            settled = self.stable[own] | (self.kind[own] > 0)
+            settled = self.stable[own] | np.isin(self.kind[own], list(MARKS))
             between = settled[:-1] & settled[1:] & (self.stable[own][:-1] | self.stable[own][1:])
             for part in np.split(np.arange(len(between)), np.flatnonzero(np.diff(between)) + 1):
                 if len(part):

@@ -9,6 +9,7 @@ import numpy as np
 
 from gearstab.response.backlash.measure import repetition
 from gearstab.response.branches.continuation import CLOSED, DOUBLING, FOLD, MORE, Curve, Point, StepLimits
+from gearstab.response.branches.grazing import grazing_between
 from gearstab.response.branches.motions import MOST_BRANCHES, Branch, BranchMotion
 from gearstab.response.branches.sections import Lap, SectionMap
 from gearstab.response.branches.stability import stability
@@ -135,12 +136,15 @@ class BranchSearch:
         motions: list[BranchMotion] = []
         left = self.limits.most - self.points - known
         limits = replace(self.limits, most=left if most is None else min(most, left))
-        for item in self.curve(periods).follow(start, along, limits):
+        curve, before = self.curve(periods), start
+        for item in curve.follow(start, along, limits):
             if isinstance(item, str):
                 return motions, item
+            found = [grazing_between(curve, before, item), item]
+            motions += [self.motion(point) for point in found if point is not None][: limits.most - len(motions)]
             if len(motions) >= limits.most:
                 break
-            motions.append(self.motion(item))
+            before = item
         return motions, MORE
 
     def motion(self, point: Point) -> BranchMotion:

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -17,6 +18,7 @@ from backlash_pairs import CASES, pair
 from gearstab import plots
 from gearstab.bench.branches import branch_cost
 from gearstab.config import ConfigError, load
+from gearstab.errors import ResultError
 from gearstab.info import result
 from gearstab.info.jumps import jumps
 from gearstab.results import open_result
@@ -84,7 +86,8 @@ def test_the_result_holds_the_branches_of_every_system(tree: xr.DataTree) -> Non
     folds = np.sort(omega[row["event"].values == 1])
     known = [p["mesh_frequency"] for p in CASES[0]["special_points"] if 0.55 < p["mesh_frequency"] < 1]
     np.testing.assert_allclose(folds, np.sort(known), atol=1e-11)
-    assert (row["multiplier_error"].values[there] < 1e-8).all()
+    # Where a motion grazes, and the next lap misses the flank, the derivative has a kink, which is told as an error.
+    assert (row["multiplier_error"].values[there & (row["event"].values != 4)] < 1e-8).all()
     assert (row["residual"].values[there] < 1e-11).all()
     largest = np.abs(row["multipliers"].values[:, 0])
     assert ((largest[there] < 1) == (row["stable"].values[there] == 1)).all()
@@ -197,7 +200,7 @@ def test_branches_along_another_axis(tmp_path: Path) -> None:
     expected = np.sort((1.3 / known) ** 2)
     np.testing.assert_allclose(folds, expected[(expected > 2) & (expected < 4)], rtol=1e-10)
     there = data["stable"].values >= 0
-    assert (data["multiplier_error"].values[there] < 1e-8).all()
+    assert (data["multiplier_error"].values[there & (data["event"].values != 4)] < 1e-8).all()
     _, artists = plots.draw(found)
     (marks,) = artists["marks"]
     np.testing.assert_allclose(np.sort(np.asarray(marks.get_xdata(), dtype=float)), folds)
@@ -223,3 +226,35 @@ def test_finished_blocks_are_taken_up_again(tmp_path: Path, text: str) -> None:
     prepared = plan(load(configured(tmp_path, text)))
     block = next(prepared.layout("branches").blocks())
     assert fits(prepared, block, compute(prepared, block))
+
+
+@pytest.mark.parametrize("options", ["{}", "{start: [linear], period_doubling: follow, points: 2000}"])
+def test_the_keys_and_the_variables_of_users(tmp_path: Path, options: str) -> None:
+    """Read by h5py and xarray alone: names, dimensions, meanings of events, one period of every branch."""
+    head = SYSTEM + "\nsweep: {mesh_frequency: {start: 1.2, stop: 2.4, num: 3}}\nmethods:\n"
+    out = tmp_path / "branches.h5"
+    run(plan(load(configured(tmp_path, f"{head}  branches: {options}\n"))), out, jobs=1)
+    with xr.open_dataset(out, group="branches", engine="h5netcdf") as data, h5py.File(out) as file:
+        plain = file["branches"]
+        names = ("mesh_frequency", "amplitude_rms", "amplitude_peak", "stable", "multiplier_error", "event")
+        assert {data[name].dims for name in names} == {("branch", "point")}
+        assert data["multipliers"].dims == ("branch", "point", "multiplier")
+        assert data["period"].dims == ("branch",)
+        meanings = data["event"].attrs["flag_meanings"].split()
+        assert meanings[:5] == ["none", "fold", "period_doubling", "neimark_sacker", "grazing"]
+        there = np.isfinite(plain["mesh_frequency"][...])
+        largest = np.abs(plain["multipliers"][...]).max(axis=-1)
+        assert ((largest[there] < 1) == (plain["stable"][...][there] == 1)).all()
+        assert (plain["amplitude_peak"][...] > plain["amplitude_rms"][...])[there].all()
+        # The doubling at 1.83 is known; the doubled branches that leave it repeat themselves every second cycle.
+        first = np.flatnonzero(data["event"].values[0] == 2)
+        np.testing.assert_allclose(
+            np.sort(data["mesh_frequency"].values[0, first]), [1.8314512309, 2.1555813535], atol=1e-9
+        )
+        assert (2 in data["period"].values) == ("follow" in options)
+
+
+def test_branches_of_an_older_layout_are_refused() -> None:
+    group = xr.Dataset({"branch_frequency": ("point", [1.0]), "kind": ("point", [0])})
+    with pytest.raises(ResultError, match="run the sweep again"):
+        branches_of(xr.DataTree.from_dict({"/": xr.Dataset(), "branches": group}))
