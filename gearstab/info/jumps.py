@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gearstab.info.tables import columns
-from gearstab.results.branches import branches_of
+from gearstab.results.read import branches_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -22,8 +22,8 @@ from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import curve
 from gearstab.plots.motions.speeds import scale
 from gearstab.plots.view import Request, View, view_along
-from gearstab.results.branches import branches_of
 from gearstab.results.display import SHOWN_SCALE, SPEEDS
+from gearstab.results.read import branches_of
 
 Array = np.ndarray
 Artists = dict[str, Any]

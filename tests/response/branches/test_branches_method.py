@@ -22,7 +22,7 @@ from gearstab.errors import ResultError
 from gearstab.info import result
 from gearstab.info.jumps import jumps
 from gearstab.results import open_result
-from gearstab.results.branches import branches_of
+from gearstab.results.read import branches_of
 from gearstab.sweep import plan, run
 from gearstab.sweep.compute import compute
 from gearstab.sweep.storage.verify import fits
