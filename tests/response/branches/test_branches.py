@@ -249,16 +249,17 @@ def test_folds_of_a_smoothed_gap_go_to_ours() -> None:
 
 def test_motions_that_graze_are_where_the_linear_force_vanishes() -> None:
     """The first loss of contact is where the least mesh force of teeth that stick to each other is 0: found without any
-    contact. Within 1e-5 of a step of 0.05 of the range, and of the slope of the force there.
+    contact. Within 1e-5 of a step, 1e-6 of the mesh frequency, near folds
+    more of the force.
     """
     branch = searched(0).found[0]
-    first = [m for m in branch.motions if m.kind == GRAZING and m.cycle.contact_loss[0] < 1e-3]
+    first = [m for m in branch.motions if m.kind == GRAZING and m.cycle.contact_loss[0] < 1e-2]
     # Two that lie within one step cancel each other's contacts.
     assert len(first) >= 3
     assert all(motion.grazing for motion in first)
     omega = np.array([motion.parameter for motion in first])
     least = speed_response(pair(ALWAYS), omega, 400).mesh_force_min[0, :, 0]
-    np.testing.assert_allclose(least, 0, atol=1e-5 * ALWAYS["parameters"]["load_F"])
+    np.testing.assert_allclose(least, 0, atol=5e-5)
     # Two more are in the other flank, which the motion is 2 away from.
     others = [m for m in branch.motions if m.kind == GRAZING and m.cycle.contact_loss[0] > 0.1]
     assert others
