@@ -47,6 +47,20 @@ class Feature(Enum):
 
 
 @dataclass(frozen=True)
+class RevolutionError:
+    """A transmission error that repeats with the revolution of a gear: an eccentricity, or errors of its pitch.
+
+    name: of mesh and gear. profile: e over a revolution. frequency_ratio: of the gear over Omega, relative to what the
+    mesh is fixed in. lag: as in :class:`Mesh`, in revolutions.
+    """
+
+    name: str
+    profile: Fourier
+    frequency_ratio: Fraction
+    lag: Array | float = 0.0
+
+
+@dataclass(frozen=True)
 class Mesh:
     """One tooth mesh: a spring of periodic stiffness along a direction vector.
 
@@ -63,6 +77,7 @@ class Mesh:
     lag: ``(...)``, the start of the wave as a fraction of this mesh's own period.
     transmission_error: e_i(x), the unloaded static transmission error at the same phase x: the mesh is without force at
         g_i^T q = e_i, so that it acts as the forces k_i(t) e_i g_i and c_i e_i' g_i. Stability does not depend on it.
+    revolution_errors: those that repeat with a revolution of a gear, which add to e_i.
     damping: ``(...)``, c_i, what this mesh adds to the damping of the system, c_i g_i g_i^T.
     backlash: 2 b, the play between the flanks, 0 where the teeth always touch. Only :mod:`gearstab.response.backlash`
         lets them part; everything else is about the linear system in contact.
@@ -80,6 +95,7 @@ class Mesh:
     frequency_ratio: Fraction | float = Fraction(1)
     lag: Array | float = 0.0
     transmission_error: Fourier | None = None
+    revolution_errors: tuple[RevolutionError, ...] = ()
     damping: Array | float = 0.0
     backlash: Array | float = 0.0
     backlash_zero: str = "middle"
@@ -277,6 +293,7 @@ class GearSystem:
             shapes += [np.shape(mesh.epsilon), np.shape(mesh.lag), mesh.waveform.batch]
             if mesh.transmission_error is not None:
                 shapes.append(mesh.transmission_error.batch)
+            shapes += [error.profile.batch for error in mesh.revolution_errors]
         if self.load is not None:
             shapes.append(np.shape(self.load)[:-1])
         shapes += [term.batch for term in self.terms] + [force.batch for force in self.forces]
@@ -322,7 +339,7 @@ class GearSystem:
     @property
     def forced(self) -> bool:
         """Whether anything drives it: a load, forces or transmission errors."""
-        errors = any(mesh.transmission_error is not None for mesh in self.meshes)
+        errors = any(mesh.transmission_error is not None or mesh.revolution_errors for mesh in self.meshes)
         return self.load is not None or bool(self.forces) or errors
 
     @property
@@ -334,6 +351,12 @@ class GearSystem:
     def frequency_ratios(self) -> list[Fraction | float]:
         """Frequency ratios of the meshes, then of the terms."""
         return [mesh.frequency_ratio for mesh in self.meshes] + [term.frequency_ratio for term in self.terms]
+
+    @property
+    def all_ratios(self) -> list[Fraction | float]:
+        """Frequency ratios of all that varies or drives: meshes, terms, forces, then errors of revolutions."""
+        own = [error.frequency_ratio for mesh in self.meshes for error in mesh.revolution_errors]
+        return [*self.frequency_ratios, *(force.frequency_ratio for force in self.forces), *own]
 
     @cached_property
     def whole_meshes(self) -> tuple[Mesh, ...]:
@@ -415,7 +438,7 @@ class GearSystem:
 
     def undriven(self) -> GearSystem:
         """Return the system with nothing that drives it."""
-        meshes = tuple(replace(mesh, transmission_error=None) for mesh in self.meshes)
+        meshes = tuple(replace(mesh, transmission_error=None, revolution_errors=()) for mesh in self.meshes)
         return replace(self, load=None, forces=(), meshes=meshes)
 
     def mean_stiffness_matrix(self) -> Array:

@@ -100,9 +100,9 @@ class Excitation:
 
 def excitation(system: GearSystem) -> Excitation:
     """The excitation of all rows. Raises ValueError without a common period."""
-    cycles, counts = shared_period(system.frequency_ratios + [force.frequency_ratio for force in system.forces])
+    cycles, counts = shared_period(system.all_ratios)
     meshes, own = counts[: len(system.meshes)], counts[: len(system.frequency_ratios)]
-    driven = list(zip(system.forces, counts[len(own) :], strict=True))
+    driven = list(zip(system.forces, counts[len(own) :], strict=False))
     shaped = [(force, count) for force, count in driven if not isinstance(force.profile, Fourier)]
     varying = sources(system, own) + tuple(
         Source(force.profile, count, np.asarray(force.lag, dtype=float), np.zeros(()), np.ones(()))
@@ -110,9 +110,16 @@ def excitation(system: GearSystem) -> Excitation:
     )
     exact = system.piecewise_constant and all(force.profile.piecewise_constant for force, _ in shaped)
     waves = [(force.profile, count, force.lag) for force, count in driven if isinstance(force.profile, Fourier)]
-    errors = [(mesh.transmission_error, count, mesh.lag) for mesh, count in zip(system.meshes, meshes, strict=True)]
+    errors = [
+        (i, mesh.transmission_error, count, mesh.lag)
+        for i, (mesh, count) in enumerate(zip(system.meshes, meshes, strict=True))
+        if mesh.transmission_error is not None
+    ]
+    revolutions = [(i, error) for i, mesh in enumerate(system.meshes) for error in mesh.revolution_errors]
+    last = counts[len(own) + len(driven) :]
+    errors += [(i, one.profile, count, one.lag) for (i, one), count in zip(revolutions, last, strict=True)]
     harmonics = np.unique([
-        count * s for profile, count, _ in (*waves, *errors) if profile is not None
+        count * s for profile, count, _ in (*waves, *(error[1:] for error in errors))
         for s in range(1, np.shape(profile.sin)[-1] + 1)
     ]).astype(int)  # fmt: skip
     rows, width = system.rows, 1 + 2 * len(harmonics)
@@ -124,9 +131,8 @@ def excitation(system: GearSystem) -> Excitation:
             series = _series(system, force.profile, count, force.lag, harmonics)
             fixed += system.flat(force.direction, 1)[:, :, None] * series[:, None]
     table = np.zeros((rows, len(meshes), width))
-    for i, (profile, count, lag) in enumerate(errors):
-        if profile is not None:
-            table[:, i] = _series(system, profile, count, lag, harmonics)
+    for i, profile, count, lag in errors:
+        table[:, i] += _series(system, profile, count, lag, harmonics)
     names = [mesh.name for mesh in system.meshes]
     for i, mesh in enumerate(system.meshes):
         if mesh.part_of:  # it is stretched as the whole mesh is

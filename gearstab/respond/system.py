@@ -122,8 +122,7 @@ def _duration(wanted: Respond, system: GearSystem) -> float:
     if wanted.duration is not None:
         return wanted.duration
     if wanted.steady_state:
-        ratios = system.frequency_ratios + [force.frequency_ratio for force in system.forces]
-        return shared_period(ratios)[1][0] * _period(wanted, system)
+        return shared_period(system.all_ratios)[1][0] * _period(wanted, system)
     return (wanted.cycles or 0.0) * _period(wanted, system)
 
 
@@ -240,14 +239,18 @@ def _named(spectra: Spectra, what: str, system: GearSystem) -> dict[str, Any]:
 
 
 def weak_shafts(system: GearSystem) -> dict[str, Any]:
-    """Attributes of a system with weak teeth: their meshes, numbers of teeth, and shaft frequencies over Omega."""
-    parts = [mesh for mesh in system.meshes if mesh.part_of]
+    """Attributes of a system with weak teeth or errors of a revolution.
+
+    Their meshes and names, how many teeth their gears have, and frequencies of the shafts over Omega.
+    """
+    parts = [(mesh.part_of, mesh.name, mesh.frequency_ratio) for mesh in system.meshes if mesh.part_of]
+    parts += [(mesh.name, one.name, one.frequency_ratio) for mesh in system.meshes for one in mesh.revolution_errors]
     if not parts:
         return {}
     ratios = {mesh.name: mesh.frequency_ratio for mesh in system.meshes}
     return {
-        "weak_meshes": "\n".join(part.part_of for part in parts),
-        "weak_teeth": "\n".join(part.name for part in parts),
-        "weak_counts": [round(ratios[part.part_of] / part.frequency_ratio) for part in parts],
-        "weak_ratios": [float(part.frequency_ratio) for part in parts],
+        "weak_meshes": "\n".join(mesh for mesh, _, _ in parts),
+        "weak_teeth": "\n".join(name for _, name, _ in parts),
+        "weak_counts": [round(ratios[mesh] / ratio) for mesh, _, ratio in parts],
+        "weak_ratios": [float(ratio) for _, _, ratio in parts],
     }

@@ -203,9 +203,14 @@ respond: {input_speed: "2000 rpm", steady_state: true}
 """
 
 
-def test_sidebands_are_numbered_by_the_order_of_their_shaft(tmp_path: Path) -> None:
+FAULT = "faults: [{gear: b, factor: 0.6}]"
+
+
+@pytest.mark.parametrize("own", [FAULT, "revolution_errors: [{gear: b, cos: [10 um]}]"])
+def test_sidebands_are_numbered_by_the_order_of_their_shaft(tmp_path: Path, own: str) -> None:
     out = tmp_path / "weak.h5"
-    respond(read(tmp_path, WEAK), out, None)
+    assert WEAK.count(FAULT) == 1
+    respond(read(tmp_path, WEAK.replace(FAULT, own)), out, None)
     with open_result(out) as tree:
         figure, artists = draw(tree, "spectrum", Request())
         amplitude = tree["response"]["mesh_force_amplitude"].isel(mesh=0)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.gears.relief import ReliefForce
 from gearstab.rotation import Rotation
-from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
+from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm, RevolutionError
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
 from gearstab.systems.gearbox.loads import torques
@@ -26,7 +27,7 @@ from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.kinematics import TrainError, Where
 from gearstab.systems.parts.faults import weak_tooth
-from gearstab.waveforms import Rectangular, Tooth
+from gearstab.waveforms import Fourier, Rectangular, Tooth
 
 
 def build(p: Any) -> GearSystem:
@@ -45,8 +46,23 @@ def build(p: Any) -> GearSystem:
     rotations = tuple(_turning(train, row) for row in rows if row.item.p.get("carrier_speed") is not None)
     system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries), rotations=rotations)
     system = replace(system, forces=(*system.forces, *_reliefs(train, system)))
+    system = replace(system, meshes=tuple(_with_errors(train, system)))
     whole = _rubbed(train, system, [rotors.number(item.p, "damping") for item in pairs])
     return replace(whole, meshes=(*whole.meshes, *_weak_teeth(train, whole)))
+
+
+def _with_errors(train: Train, system: GearSystem) -> Iterator[Mesh]:
+    """Yield the meshes with what repeats with the revolutions of their gears; those of pairs come last."""
+    first = len(system.meshes) - len(train.pairs)
+    yield from system.meshes[:first]
+    for mesh, gears, p in zip(system.meshes[first:], train.pairs, train.p["meshes"] or (), strict=True):
+        counts = {train.name(gear): train.teeth(gear) for gear in gears}
+        errors = []
+        for item in p.get("revolution_errors") or []:
+            count = counts[item["gear"]]
+            name, ratio = f"{mesh.name}.{item['gear']}", Fraction(mesh.frequency_ratio) / count
+            errors.append(RevolutionError(name, Fourier.build(item), ratio, np.asarray(mesh.lag) / count))
+        yield replace(mesh, revolution_errors=tuple(errors))
 
 
 def _reliefs(train: Train, system: GearSystem) -> Iterator[PeriodicForce]:

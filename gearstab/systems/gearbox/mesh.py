@@ -7,7 +7,8 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, at_most_one, within
+from gearstab.config.document.problems import nearest
+from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, within
 from gearstab.config.model.fields import (
     Choice,
     Length,
@@ -18,7 +19,7 @@ from gearstab.config.model.fields import (
     Section,
 )
 from gearstab.systems.parts.faults import Fault
-from gearstab.systems.parts.forcing import TransmissionError
+from gearstab.systems.parts.forcing import GearError, TransmissionError
 from gearstab.systems.parts.mesh import Lag, NamedToothMesh, StiffnessOfTeeth, following_conflicts, given_by_teeth
 from gearstab.waveforms import WAVEFORMS
 from gearstab.waveforms.section import has_own_mean, shape_conflicts
@@ -162,6 +163,9 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
     )
     friction: Friction | None = Field(default=None, title="friction", description="Between the teeth; none without.")
     faults: list[Fault] = Field(default=[], title="faults", description="Weak teeth of either gear.")
+    revolution_errors: list[GearError] = Field(
+        default=[], title="errors of revolutions", description="Eccentricity and pitch errors of either gear."
+    )
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
@@ -183,7 +187,23 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
                 "keep one of the two",
             )
         yield from within(raw, "friction", Friction.conflicts)
+        yield from revolution_conflicts(raw)
         yield from relief_conflicts(raw)
+
+
+def revolution_conflicts(raw: dict[str, Any]) -> Iterator[Conflict]:
+    """Yield errors of gears that are not in the mesh, without harmonics, and what does not go with them."""
+    gears = [name for _, name in items(raw.get("gears")) if isinstance(name, str)]
+    for k, item in items(raw.get("revolution_errors")):
+        gear = item.get("gear")
+        if isinstance(gear, str) and gear not in gears:
+            message, place = f"'{gear}' is no gear of this mesh", ("revolution_errors", k, "gear")
+            yield place, "unknown_name", message, nearest(gear, gears)
+        waves = {key: value for key, value in item.items() if key != "gear"}
+        yield from below("revolution_errors", below(k, GearError.conflicts(waves)))
+        for key in ("friction", "backlash", "relief", "damping_follows_stiffness"):
+            if raw.get(key):
+                yield (key,), "not_applicable", "is not available with revolution_errors", "keep one of the two"
 
 
 def from_teeth(p: Any) -> frozenset[str]:

@@ -74,6 +74,12 @@ class TransmissionError(Section):
         yield from no_harmonics(raw, "m")
 
 
+class GearError(TransmissionError):
+    """A transmission error that repeats with the revolution of a gear, as a Fourier series over it."""
+
+    gear: NameText = Field(title="gear", description="Name of the gear that has it.")
+
+
 class Force(Section):
     """A periodic external force, given by its Fourier series."""
 

@@ -226,5 +226,5 @@ def drives(system: dict[str, Any]) -> bool:
     ends = [system.get("input") or {}, *(system.get("outputs") or ())]
     if any(end.get("torque") is not None for end in ends):
         return True
-    errors = any(mesh.get("transmission_error") is not None for mesh in meshes)
+    errors = any(mesh.get("transmission_error") is not None or mesh.get("revolution_errors") for mesh in meshes)
     return errors or bool(system.get("load")) or bool(system.get("forces"))
