@@ -14,7 +14,7 @@ import numpy as np
 Array = np.ndarray
 
 
-class Part(Enum):
+class MachineElement(Enum):
     """The machine element that a connection stands for; its value is what results call it."""
 
     BEARING = "bearing"
@@ -37,7 +37,7 @@ class Connection:
     """
 
     name: str
-    part: Part
+    part: MachineElement
     row: Array
     stiffness: Array
     damping: Array

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.connections import Connection, Part
+from gearstab.connections import Connection, MachineElement
 from gearstab.system import Array, GearSystem, Mesh
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import with_forcing
@@ -81,7 +81,7 @@ class Element:
     stiffness: Any = 0.0
     damping: Any = 0.0
     name: str = ""
-    part: Part = Part.BEARING
+    part: MachineElement = MachineElement.BEARING
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.connections import Part
+from gearstab.connections import MachineElement
 from gearstab.errors import NotPossible
 from gearstab.gears.relief import ReliefForce
 from gearstab.rotation import Rotation
@@ -197,7 +197,7 @@ def shaft_elements(train: Train) -> Iterator[Element]:
         j1, j2 = (train.inertias[train.place[end]] for end in (first, second))
         k = shaft_stiffness(train, shaft)
         c = 2 * rotors.number(shaft, "damping_ratio") * np.sqrt(k * j1 * j2 / (j1 + j2))
-        yield Element({first: 1.0, second: -1.0}, 0.0, k, train.damping_factor * c, shaft["name"], Part.SHAFT)
+        yield Element({first: 1.0, second: -1.0}, 0.0, k, train.damping_factor * c, shaft["name"], MachineElement.SHAFT)
 
 
 def _bodies(train: Train) -> Iterator[Element]:
@@ -217,4 +217,4 @@ def _supports(train: Train) -> Iterator[Element]:
         support = p.get("support") or {}
         k = rotors.number(support, "torsional_stiffness")
         c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.inertias[rotor])
-        yield Element(train.rotation(rotor), 0.0, k, train.damping_factor * c, train.name(rotor), Part.SHAFT)
+        yield Element(train.rotation(rotor), 0.0, k, train.damping_factor * c, train.name(rotor), MachineElement.SHAFT)
