@@ -25,6 +25,7 @@ from math import gcd, lcm, prod
 
 import numpy as np
 
+from gearstab.connections import Connection
 from gearstab.errors import NotPossible
 from gearstab.rotation import Rotation
 from gearstab.waveforms import Constant, Fourier, Profile, Rectangular, Waveform
@@ -231,6 +232,7 @@ class GearSystem:
     load: ``(..., n)``, the constant part of f(t), or None. Stability does not depend on f(t).
     forces: the periodic parts of f(t).
     rotations: speeds of rotation, and the gyroscopic, circulatory and centripetal matrices that act with them.
+    connections: bearings and shafts, parts of K0 and C whose forces responses give.
     symmetries: of the mean system, each of another part. They name modes, and modes of different types are taken as
         uncoupled where the mesh stiffnesses of every moment and the damping have them as well, which is looked at.
     units: SI unit of each coordinate, ``m`` or ``rad``; without any all are m. Results and figures say it, nothing
@@ -250,6 +252,7 @@ class GearSystem:
     load: Array | None = None
     forces: tuple[PeriodicForce, ...] = ()
     rotations: tuple[Rotation, ...] = ()
+    connections: tuple[Connection, ...] = ()
     units: tuple[str, ...] = ()
     deflection_unit: str = "m"
     dimensionless: tuple[str, ...] = ()
@@ -387,6 +390,7 @@ class GearSystem:
             load=None if self.load is None else vector(self.load),
             forces=tuple(replace(force, direction=vector(force.direction)) for force in self.forces),
             rotations=tuple(rotation.mapped(matrix) for rotation in self.rotations),
+            connections=tuple(item.mapped(vector) for item in self.connections),
         )
 
     def projected(self, basis: Array, coordinates: tuple[str, ...] = ()) -> GearSystem:
@@ -423,6 +427,7 @@ class GearSystem:
             load=None if self.load is None else self.load / stiffness[..., None],
             forces=tuple(replace(force, direction=force.direction / stiffness[..., None]) for force in self.forces),
             rotations=tuple(rotation.scaled(mass, stiffness) for rotation in self.rotations),
+            connections=tuple(item.scaled(mass, stiffness) for item in self.connections),
             dimensionless=("mass", "time"),
         )
 

@@ -11,7 +11,7 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.config.document.codes import Code
 from gearstab.errors import NotPossible
-from gearstab.respond import effort, ramp, tooth_loads
+from gearstab.respond import effort, loads, ramp, tooth_loads
 from gearstab.response import (
     RESPONSE_FLAGS,
     backlash,
@@ -153,14 +153,14 @@ def _linear_result(config: Config, wanted: Respond, system: GearSystem, found: R
     values = {name: getattr(found, name)[:kept] for name in HISTORIES}
     if found.drift is not None:
         values["mean_velocity"] = found.drift
-    loads = tooth_loads.values(config, wanted, system, found)
-    table = flagged((*RESPONSE, *(TOOTH_LOADS if loads else ())), RESPONSE_FLAGS)
+    teeth = tooth_loads.values(config, wanted, system, found)
+    table = flagged((*RESPONSE, *(TOOTH_LOADS if teeth else ())), RESPONSE_FLAGS)
     kind = "periodic steady state" if wanted.steady_state else "driven response" if system.forced else "free response"
     comment = (
         f"{kind}; growth_rate: largest real part of the characteristic exponents{in_brackets(system, '1/s')}; "
         f"largest_multiplier: growth over a common_period{in_brackets(system, 's')} of all that varies and drives"
     )
-    return _tree(config, wanted, system, found, table, values | loads, {"comment": comment})
+    return _tree(config, wanted, system, found, table, values | teeth, {"comment": comment})
 
 
 def _backlash_result(config: Config, wanted: Respond, system: GearSystem, found: BacklashResponse) -> ResultTree:
@@ -206,8 +206,10 @@ def _tree(
         common["static_mesh_force"] = static_mesh_force(system)
     said = ("status", "mesh_frequency", "common_period", "growth_rate", "largest_multiplier")
     cycles = config.system.cycles_of_input(config.system)
-    table = with_orders(in_units_of(system, table), None if cycles is None else found.mesh_frequency / cycles)
-    fields = fields_of(table, {**common, **values, **_spectral(wanted, system, found)})
+    table = with_orders(
+        (*in_units_of(system, table), *loads.table(system)), None if cycles is None else found.mesh_frequency / cycles
+    )
+    fields = fields_of(table, {**common, **loads.values(system, values), **values, **_spectral(wanted, system, found)})
     shafts = weak_shafts(system)
     group = Group(fields, {**{name: getattr(found, name) for name in said}, **attributes, **shafts})
     root = Group((), root_attributes(RESPOND, config))

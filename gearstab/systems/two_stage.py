@@ -13,6 +13,7 @@ from gearstab.config.document.tree import sequence
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, wrong_length
 from gearstab.config.model.fields import ExactRatio, Mass, Quantity, Teeth
+from gearstab.connections import MachineElement
 from gearstab.system import GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
 from gearstab.systems.base import START_MESH, Start, System, first_number
@@ -113,7 +114,9 @@ class TwoStage(System):
         first, second = p["meshes"]
         phasing = np.asarray(second.get("phasing", 0.0), dtype=float)
         elements = [Element({x: 1.0}, mass=mass) for x, mass in zip(COORDINATES, p["inertias"], strict=True)]
-        elements.append(Element({"x1": 1.0}, stiffness=p["input_shaft_stiffness"]))
+        elements.append(
+            Element({"x1": 1.0}, stiffness=p["input_shaft_stiffness"], name="input shaft", part=MachineElement.SHAFT)
+        )
         meshes = (
             MeshElement(first, {"x1": 1.0, "x2": 1.0}),
             MeshElement(second, {"x2": 1.0, "x3": 1.0}, 1 / p["tooth_ratio"], -phasing),

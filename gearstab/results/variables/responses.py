@@ -134,6 +134,37 @@ SPEED_RESPONSE = (
 """Variables of the steady state at every point."""
 
 
+MESH_ORDER = "mesh_order"
+"""Dimension: multiples of the mesh frequency."""
+
+
+def connections(part: str, unit: str) -> tuple[Variable, ...]:
+    """Variables of the steady state of all connections of a part, ``bearing`` or ``shaft``; unit: of their forces."""
+    name, words = load_of(part)
+    return (
+        coordinate(part, part, TEXT, "1", part),
+        Variable(f"{name}_peak", (GRID, part), "f8", unit, f"largest {words}"),
+        Variable(f"{name}_mean", (GRID, part), "f8", unit, f"mean {words}"),
+        Variable(f"{name}_rms", (GRID, part), "f8", unit, f"root mean square of the {words} about its mean"),
+        Variable(f"{name}_harmonic", (GRID, MESH_ORDER, part), "f8", unit, f"amplitude of the {words} at an order"),
+    )
+
+
+def history_of_connections(part: str, unit: str) -> tuple[Variable, ...]:
+    """Variable over time of all connections of a part."""
+    name, words = load_of(part)
+    return coordinate(part, part, TEXT, "1", part), Variable(name, ("time", part), "f8", unit, words)
+
+
+def load_of(part: str) -> tuple[str, str]:
+    """Return the name of what a part carries, ``bearing_force`` or ``shaft_torque``, and its words."""
+    name = f"{part}_{'torque' if part == 'shaft' else 'force'}"
+    return name, name.replace("_", " ")
+
+
+ORDERS = coordinate(MESH_ORDER, MESH_ORDER, "f8", "1", "multiple of the mesh frequency")
+
+
 ALL_MOTIONS = (
     "mesh_force_peak", "transmission_error_peak_to_peak", "transmission_error_rms", "dynamic_load_factor",
 )  # fmt: skip

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.connections import MachineElement
 from gearstab.errors import NotPossible
 from gearstab.gears.relief import ReliefForce
 from gearstab.rotation import Rotation
@@ -256,7 +257,7 @@ def shaft_elements(train: Train) -> Iterator[Element]:
         j1, j2 = (train.inertias[train.place[end]] for end in (first, second))
         k = shaft_stiffness(train, shaft)
         c = 2 * rotors.number(shaft, "damping_ratio") * np.sqrt(k * j1 * j2 / (j1 + j2))
-        yield Element({first: 1.0, second: -1.0}, stiffness=k, damping=train.damping_factor * c)
+        yield Element({first: 1.0, second: -1.0}, 0.0, k, train.damping_factor * c, shaft["name"], MachineElement.SHAFT)
 
 
 def _bodies(train: Train) -> Iterator[Element]:
@@ -268,11 +269,12 @@ def _supports(train: Train) -> Iterator[Element]:
     """Yield mass and support of every rotor that moves in its plane or along its axis, and torsional supports."""
     for rotor, mass in train.masses.items():
         k, axial = (rotors.number(train.rotors[rotor]["support"], key) for key in ("stiffness", "axial_stiffness"))
-        for along in ((1.0, 0.0), (0.0, 1.0)):
-            yield Element(train.shift(rotor, along), mass, k, _drag(train, rotor))
-        yield Element(train.slide(rotor, 1.0), mass, axial, _drag(train, rotor, "axial_stiffness"))
+        name = train.name(rotor)
+        for way, along in (("x", (1.0, 0.0)), ("y", (0.0, 1.0))):
+            yield Element(train.shift(rotor, along), mass, k, _drag(train, rotor), f"{name}.{way}")
+        yield Element(train.slide(rotor, 1.0), mass, axial, _drag(train, rotor, "axial_stiffness"), f"{name}.z")
     for rotor, p in enumerate(train.rotors):
         support = p.get("support") or {}
         k = rotors.number(support, "torsional_stiffness")
         c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.inertias[rotor])
-        yield Element(train.rotation(rotor), stiffness=k, damping=train.damping_factor * c)
+        yield Element(train.rotation(rotor), 0.0, k, train.damping_factor * c, train.name(rotor), MachineElement.SHAFT)

@@ -236,10 +236,10 @@ class TrainSetRows(SetRows):
             yield Element({self.name(f"planet{n}"): 1.0}, mass=inertia)
             for along in ((1.0, 0.0), (0.0, 1.0)):
                 yield Element(self.shift(f"planet{n}", *along), mass=mass)
-            for row in self.bearing(n) if support else ():
+            for way, row in zip(("radial", "tangential"), self.bearing(n) if support else (), strict=False):
                 k = rotors.number(support, "stiffness")
                 c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * mass)
-                yield Element(row, stiffness=k, damping=factor * c)
+                yield Element(row, stiffness=k, damping=factor * c, name=f"{self.name(f'planet{n}')}.{way}")
 
     def turning(self, members: Mapping[str, tuple[Any, Any]], ratio: Fraction) -> Rotation:
         """Return the terms of the carrier's speed. members: mass and damping to the housing of those that move."""
