@@ -158,7 +158,8 @@ def _grows_or_decays(flow: Flow, piece: Certificate, steps: list[Step], degree: 
     """Theorem 1, from the end of the period to its beginning."""
     signs = np.where(np.arange(len(piece.coordinates)) < piece.outside, 1.0, -1.0)
     form, rate = exact(np.diag(signs)), arb(piece.rate)
-    here = [exact(x) for x in coordinates([near(step.flow[0]) for step in steps], flow.fractions, signs, piece.rate)]
+    middles = {id(step): near(step.flow[0]) for step in steps}
+    here = [exact(x) for x in coordinates([middles[id(s)] for s in steps], flow.fractions, signs, piece.rate)]
     back = [x.inv() for x in here]
     terms, share, span, count = [form], arb(0), arb(0), 0  # of a part
     for s in reversed(range(len(steps))):
