@@ -67,6 +67,16 @@ def pulled_back(terms: Sequence[arb_mat], flow: Sequence[arb_mat], slope: arb_ma
     return [*found[:-1], last + anything(slope.nrows()) * (rest * (2 + rest) * size(last)).upper()]
 
 
+def moving(flow: Sequence[arb_mat], slope: arb_mat | None, degree: int) -> list[arb_mat]:
+    """Return a flow, times exp(z B) where there is a slope B, as one polynomial."""
+    terms = list(flow)
+    if slope is not None:
+        for k in range(1, degree + 1):
+            terms.append(terms[-1] * slope / k)
+        terms[-1] = terms[-1] * remainder(slope)
+    return terms
+
+
 def remainder(slope: arb_mat) -> arb_mat:
     """All exp(u z B), 0 <= u <= 1, |z| <= 1."""
     m = slope.nrows()
@@ -76,6 +86,16 @@ def remainder(slope: arb_mat) -> arb_mat:
 def excess(slope: arb_mat) -> arb:
     """Bound |exp(u z B) - I|, 0 <= u <= 1, |z| <= 1."""
     return (size(slope).exp() - 1).abs_upper()
+
+
+def definite(matrix: arb_mat) -> bool:
+    """Whether a symmetric matrix is shown to be positive definite. Raises LinAlgError where it seems not to be."""
+    middle = near(matrix)
+    lower = exact(np.linalg.inv(np.linalg.cholesky(0.5 * (middle + middle.T))))
+    turned = lower * matrix * lower.transpose()
+    if size(turned - identity(matrix.nrows())) < 1:
+        return True
+    return all(2 * row[i] > sum(map(abs, row), arb(0)) for i, row in enumerate(turned.tolist()))
 
 
 @cache

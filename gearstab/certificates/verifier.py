@@ -29,8 +29,8 @@ of a Taylor polynomial of degree p is its term of degree p times an average of e
 between two of them), whose entries differ from those of the unit matrix by exp(|B|) - 1 at most: the last
 coefficient is a ball. So is in the end what is of higher degree than 2. On [-1, 1] c_0 + c_1 z + c_2 z^2 is a convex
 combination of its Bernstein coefficients c_0 - c_1 + c_2, c_0 - c_2, c_0 + c_1 + c_2, and definite if they are. P is
-positive definite if |R P R^T - I| < 1 for some R: the inverse of a Cholesky factor in floating point. |.| is the root
-of the sum of squares throughout.
+positive definite if |R P R^T - I| < 1 for some R, or R P R^T has a dominant diagonal: the inverse of a Cholesky factor
+in floating point. |.| is the root of the sum of squares throughout.
 
 **Matrices that follow the speed.** In the time Omega t, A_s = A_0 + u A_1 + u^2 A_2, u = 1/Omega, over 2 pi N f_s. With
 u = u_0 + h z, exp(f_s 2 pi N A_s) is a polynomial in z with a ball for its last coefficient.
@@ -49,13 +49,14 @@ from flint import arb, arb_mat, ctx
 from gearstab.certificates.choices import coordinates
 from gearstab.certificates.polynomials import (
     centre,
+    definite,
     exact,
     exponential,
     identity,
+    moving,
     near,
     product,
     pulled_back,
-    remainder,
     size,
 )
 
@@ -182,12 +183,7 @@ def _keeps_a_form(flow: Flow, piece: Certificate, steps: list[Step], degree: int
     start, unit = exact(piece.coordinates), identity(len(piece.coordinates))
     form, period = start.transpose() * flow.form * start, [unit]
     for step in steps:
-        terms = list(step.flow)
-        if step.slope is not None:
-            for k in range(1, degree + 1):
-                terms.append(terms[-1] * step.slope / k)
-            terms[-1] = terms[-1] * remainder(step.slope)
-        period = product(terms, period, degree)
+        period = product(moving(step.flow, step.slope, degree), period, degree)
     turned, inverse = [form * term for term in period], form.inv()
     total = [term - inverse * other.transpose() for term, other in zip(period, turned, strict=True)]
     found = [term + term.transpose() for term in turned]
@@ -199,12 +195,6 @@ def _keeps_a_form(flow: Flow, piece: Certificate, steps: list[Step], degree: int
 def _definite_throughout(terms: list[arb_mat]) -> bool:
     """Whether a polynomial with symmetric coefficients, of degree 2 or more, is positive definite on [-1, 1]."""
     constant, linear, square = terms[0], terms[1], terms[2]
-    unit = identity(constant.nrows())
     for k, term in enumerate(terms[3:], start=1):
         square = square + term * (arb(0, 1) if k % 2 else (arb(0, 1) + 1) / 2)
-    for bernstein in (constant - linear + square, constant - square, constant + linear + square):
-        middle = near(bernstein)
-        lower = exact(np.linalg.inv(np.linalg.cholesky(0.5 * (middle + middle.T))))
-        if not size(lower * bernstein * lower.transpose() - unit) < 1:
-            return False
-    return True
+    return all(map(definite, (constant - linear + square, constant - square, constant + linear + square)))
