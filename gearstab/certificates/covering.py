@@ -15,7 +15,7 @@ LEFT = 4e-4
 LEAST = 1e-9
 """The least width, relative to Omega, that is given up at an edge."""
 MOST = 1e-4
-"""The largest, also where there are no edges to share LEFT: pieces that much shorter are tried before a part is left."""
+"""The largest, also where no edges share LEFT: shorter pieces are tried before a part is left."""
 NARROW = 0.05
 """Part of an interval that is given up at each of its ends, at most."""
 
