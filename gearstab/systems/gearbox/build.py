@@ -19,6 +19,7 @@ from gearstab.rotation import Rotation
 from gearstab.system import Array, GearSystem, PeriodicForce, PeriodicTerm
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
+from gearstab.systems.gearbox.bodies import Support
 from gearstab.systems.gearbox.loads import torques
 from gearstab.systems.gearbox.mesh import from_teeth
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet, TrainSetRows
@@ -36,13 +37,13 @@ def build(p: Any) -> GearSystem:
     pairs = [mesh_element(train, k) for k in range(len(train.pairs))]
     elements = [*_bodies(train), *shaft_elements(train), *_supports(train)]
     elements += [element for row in rows for element in row.planets_of(train.damping_factor)]
-    symmetries = [row.cyclic() for row in rows if row.item.planets.get("angles") is None and not train.shared(row.item)]
+    symmetries = [row.cyclic() for row in rows if row.item.planets.angles is None and not train.shared(row.item)]
     meshes = [mesh for row in rows for mesh in _set_meshes(train, row)] + pairs
     assembly = Assembly(train.coordinates, elements, meshes)
-    rotations = tuple(_turning(train, row) for row in rows if row.item.p.get("carrier_speed") is not None)
+    rotations = tuple(_turning(train, row) for row in rows if row.item.p.carrier_speed is not None)
     system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries), rotations=rotations)
     system = replace(system, forces=(*system.forces, *_reliefs(train, system)))
-    return _rubbed(train, system, [rotors.number(item.p, "damping") for item in pairs])
+    return _rubbed(train, system, [rotors.number(item.p.damping) for item in pairs])
 
 
 def _reliefs(train: Train, system: GearSystem) -> Iterator[PeriodicForce]:
@@ -58,7 +59,7 @@ def _reliefs(train: Train, system: GearSystem) -> Iterator[PeriodicForce]:
 
 def _rows(train: Train, item: TrainSet) -> TrainSetRows:
     """Return how the bodies of a set move. Raises TrainError for members that move in two frames."""
-    if train.speeds[item.p["carrier"]] and (shared := train.shared(item)):
+    if train.speeds[item.p.carrier] and (shared := train.shared(item)):
         place: Where = ("rotors", train.place[shared[0]], "support")
         message = f"moves in the plane of {item.name}, which turns with its carrier, and is in another mesh as well"
         raise TrainError(place, message, "give that mesh a rotor of its own and join both by a shaft")
@@ -72,14 +73,14 @@ def _turning(train: Train, rows: TrainSetRows) -> Rotation:
         rotor = train.place[rows.item.p[member]]
         if rotor in train.supported:
             members[member] = (train.masses[rotor], _drag(train, rotor))
-    return rows.turning(members, train.driving * train.speeds[rows.item.p["carrier"]] / train.cycles)
+    return rows.turning(members, train.driving * train.speeds[rows.item.p.carrier] / train.cycles)
 
 
 def _drag(train: Train, rotor: int, key: str = "stiffness") -> Array:
     """The damping of a lateral or an axial support, 2 zeta sqrt(k m)."""
     support = train.rotors[rotor]["support"]
-    k = rotors.number(support, key)
-    return train.damping_factor * 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.masses[rotor])
+    k = rotors.number(support[key])
+    return train.damping_factor * 2 * rotors.number(support.damping_ratio) * np.sqrt(k * train.masses[rotor])
 
 
 def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
@@ -99,23 +100,25 @@ def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
         for n, mesh in zip(rows.numbers, known[k * item.count :], strict=False):
             along = {key: flank * value for key, value in rows.deflection(name, n, flank * angle).items()}
             lag = np.asarray(mesh.lag, dtype=float) + teeth.start
-            found = MeshElement(p | {"name": mesh.name}, along, train.frequency_ratio(mesh.motion), lag)
+            found = MeshElement(
+                p.model_copy(update={"name": mesh.name}), along, train.frequency_ratio(mesh.motion), lag
+            )
             yield _damped(train, found, 1 / mobility)
 
 
 def _damped(train: Train, found: MeshElement, mass: Array) -> MeshElement:
     """Return the mesh with its damping, c = 2 zeta sqrt(k m_e) (Kuria & Kihiu 2008). mass: m_e."""
     p = found.p
-    drag = rotors.number(p, "damping")
-    if p.get("damping_ratio") is not None:
-        drag = 2 * rotors.number(p, "damping_ratio") * np.sqrt(found.wave.mean_stiffness * mass)
+    drag = rotors.number(p.damping)
+    if p.damping_ratio is not None:
+        drag = 2 * rotors.number(p.damping_ratio) * np.sqrt(found.wave.mean_stiffness * mass)
     drag = train.damping_factor * drag
-    return replace(found, p=p | {"damping": drag if np.any(drag) else None})
+    return replace(found, p=p.model_copy(update={"damping": drag if np.any(drag) else None}))
 
 
 def _filled(train: Train, k: int) -> Any:
     """The parameters of a mesh with what its teeth give."""
-    p = train.p["meshes"][k]
+    p = train.p.meshes[k]
     if not from_teeth(p) and not train.teeth_of(k).helical:
         return p
     try:
@@ -142,16 +145,15 @@ def mesh_element(train: Train, k: int) -> MeshElement:
         turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])),
         train.slide(gears[0], -lead), train.slide(gears[1], lead),
     )  # fmt: skip
-    found = MeshElement(
-        p, row, train.frequency_ratio(train.motions[k]), rotors.number(p, "lag") + train.teeth_of(k).start
-    )
+    lag = rotors.number(p.lag) + train.teeth_of(k).start
+    found = MeshElement(p, row, train.frequency_ratio(train.motions[k]), lag)
     j1, j2 = (train.inertias[gear] for gear in gears)
     return _damped(train, found, j1 * j2 / (r1**2 * j2 + r2**2 * j1))
 
 
 def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
     """The system with the friction of its meshes."""
-    laws = [p.get("friction") for p in train.p["meshes"]]
+    laws = [p.friction for p in train.p.meshes]
     if not any(laws):
         return system
     forces = np.abs(friction.static_forces(system))
@@ -161,10 +163,8 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
         if law is None:
             continue
         teeth, gears = train.teeth_of(k), train.pairs[k]
-        plain = law.get("kind", "constant") == "constant"
-        speed = (
-            1.0 if plain else rotors.number(train.p["input"], "speed") * float(abs(train.speeds[train.name(gears[0])]))
-        )
+        plain = law.kind == "constant"
+        speed = 1.0 if plain else rotors.number(train.p.input.speed) * float(abs(train.speeds[train.name(gears[0])]))
         try:
             rubbing = teeth.friction(
                 law, np.asarray(speed), np.ones(()) if plain else forces[..., k - len(train.pairs)]
@@ -173,7 +173,7 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
             remedy = "change the teeth or the operating point"
             raise TrainError(("meshes", k, "friction"), error.message, remedy) from None
         arms = friction.arms(train, gears, rubbing, train.push(k), train.sense(k), teeth.pairs[0].wheel_drives)
-        item, follows = system.meshes[k - len(train.pairs)], bool(train.p["meshes"][k].get("damping_follows_stiffness"))
+        item, follows = system.meshes[k - len(train.pairs)], train.p.meshes[k].damping_follows_stiffness
         terms += friction.terms(item, rubbing, arms, drag[k], follows)
         pushes += friction.forces(item, rubbing, arms)
     return replace(system, terms=(*system.terms, *terms), forces=(*system.forces, *pushes))
@@ -181,21 +181,21 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
 
 def shaft_stiffness(train: Train, shaft: Any) -> Array:
     """k as given, or G pi (d^4 - d_i^4)/(32 l) of a round shaft, N m/rad."""
-    if shaft.get("stiffness") is not None:
-        return rotors.number(shaft, "stiffness")
-    polar = np.pi / 32 * (rotors.number(shaft, "diameter") ** 4 - rotors.number(shaft, "bore") ** 4)
+    if shaft.stiffness is not None:
+        return rotors.number(shaft.stiffness)
+    polar = np.pi / 32 * (rotors.number(shaft.diameter) ** 4 - rotors.number(shaft.bore) ** 4)
     if not np.all(polar > 0):
-        raise TrainError(("shafts", train.p["shafts"].index(shaft), "bore"), "leaves nothing of the shaft", "reduce it")
-    return np.asarray(train.material["shear"]) * polar / rotors.number(shaft, "length")
+        raise TrainError(("shafts", train.p.shafts.index(shaft), "bore"), "leaves nothing of the shaft", "reduce it")
+    return np.asarray(train.material["shear"]) * polar / rotors.number(shaft.length)
 
 
 def shaft_elements(train: Train) -> Iterator[Element]:
     """Yield the twist of every shaft, whose ends turn the same way; c = 2 zeta sqrt(k J_1 J_2/(J_1 + J_2))."""
-    for shaft in train.p.get("shafts") or []:
-        first, second = shaft["between"]
+    for shaft in train.p.shafts:
+        first, second = shaft.between
         j1, j2 = (train.inertias[train.place[end]] for end in (first, second))
         k = shaft_stiffness(train, shaft)
-        c = 2 * rotors.number(shaft, "damping_ratio") * np.sqrt(k * j1 * j2 / (j1 + j2))
+        c = 2 * rotors.number(shaft.damping_ratio) * np.sqrt(k * j1 * j2 / (j1 + j2))
         yield Element({first: 1.0, second: -1.0}, stiffness=k, damping=train.damping_factor * c)
 
 
@@ -207,12 +207,13 @@ def _bodies(train: Train) -> Iterator[Element]:
 def _supports(train: Train) -> Iterator[Element]:
     """Yield mass and support of every rotor that moves in its plane or along its axis, and torsional supports."""
     for rotor, mass in train.masses.items():
-        k, axial = (rotors.number(train.rotors[rotor]["support"], key) for key in ("stiffness", "axial_stiffness"))
+        support = train.rotors[rotor]["support"]
+        k, axial = rotors.number(support.stiffness), rotors.number(support.axial_stiffness)
         for along in ((1.0, 0.0), (0.0, 1.0)):
             yield Element(train.shift(rotor, along), mass, k, _drag(train, rotor))
         yield Element(train.slide(rotor, 1.0), mass, axial, _drag(train, rotor, "axial_stiffness"))
     for rotor, p in enumerate(train.rotors):
-        support = p.get("support") or {}
-        k = rotors.number(support, "torsional_stiffness")
-        c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.inertias[rotor])
+        support = p.get("support") or Support()
+        k = rotors.number(support.torsional_stiffness)
+        c = 2 * rotors.number(support.damping_ratio) * np.sqrt(k * train.inertias[rotor])
         yield Element(train.rotation(rotor), stiffness=k, damping=train.damping_factor * c)
