@@ -75,7 +75,11 @@ def _rotations(system: Any, path: Path, turning: Sequence[bool] | None, angle: b
         groups = [[path[-2]], [path[-1]]]
     elif path[0] in ("load", "respond"):
         groups = [[path[-1]]]
-    if turning is None or any(not isinstance(k, int) or k >= len(turning) for group in groups for k in group):
+    if (
+        turning is None
+        or not groups
+        or any(not isinstance(k, int) or k >= len(turning) for group in groups for k in group)
+    ):
         return
     first, second = groups if len(groups) == 2 else (groups[0], None)
     for i in first:

@@ -16,7 +16,7 @@ from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.document.yaml import Document, Where, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Assignment, Axis
 from gearstab.config.model.fields import NUMBER, AnyNumber, Section
-from gearstab.config.model.reading import WRONG, SkipRule
+from gearstab.config.model.reading import WRONG, SkipRule, as_far_as_right
 from gearstab.config.sections.expansion import (
     Count,
     Expansion,
@@ -348,8 +348,10 @@ def base_values(context: Context, layouts: Iterable[UnresolvedAxis]) -> Iterator
             if is_absent(context, target.paths[0]):
                 first = WRONG if expansion.values is None else expansion.values[0]
                 first = float(first) if isinstance(first, np.floating) else first
-                value = first if column.base is None else target.default
-                yield target.paths[0], value, context.document.where(column.path)
+                if column.base is not None:
+                    given = target.default
+                    first = as_far_as_right(target.annotation, column.base) if given is None else given
+                yield target.paths[0], first, context.document.where(column.path)
 
 
 def is_absent(context: Context, path: Path) -> bool:

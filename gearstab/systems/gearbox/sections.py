@@ -218,8 +218,8 @@ class Gearbox(System):
         for place, mesh in self.mesh_places():
             friction, relief = (getattr(mesh, key, None) for key in ("friction", "relief"))
             if friction is not None:
-                for path, *said in known(self._lubricated(friction, unloaded)):
-                    yield (*place, *path), *said
+                for path, code, message, hint in known(self._lubricated(friction, unloaded)):
+                    yield (*place, *path), code, message, hint
             if relief is not None and unloaded:
                 message = "what relief does depends on the load, and there are no torques"
                 yield (*place, "relief"), "needs_other", message, "add a torque to input, and outputs, or remove relief"

@@ -23,7 +23,7 @@ from gearstab.config.model.conflicts import (
 )
 from gearstab.config.model.fields import NUMBER, ByCoordinate, Choice, NameText, Quantity, also
 from gearstab.config.model.introspection import constructed
-from gearstab.config.model.reading import told
+from gearstab.config.model.reading import WRONG, told
 from gearstab.config.model.units import UnitError, to_si
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
@@ -241,7 +241,7 @@ class Matrices(System):
         held: dict[str, Any] = {name: contents[name] for name in REQUIRED if name in contents}
         if "damping" in contents:
             held["damping"] = Damping.model_construct(matrix=contents["damping"])
-        if self.rotation:
+        if self.rotation is not WRONG and self.rotation:
             turned = {name: contents[name] for name in OF_ROTATION if name in contents}
             held["rotation"] = [self.rotation[0].model_copy(update=turned), *self.rotation[1:]]
         return self.model_copy(update=held)

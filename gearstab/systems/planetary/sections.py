@@ -133,7 +133,7 @@ class Planetary(System):
         """Cycles of the meshes, which all have one frequency, in a turn of the input: see :class:`.phasing.Turning`."""
         if self.teeth is None:
             return None
-        moving = Turning.of(self, self.teeth.sun, self.teeth.ring)
+        moving = Turning.of(self, int(self.teeth.sun), int(self.teeth.ring))
         return 1.0 if moving is None else float(moving.cycles)  # what is wrong with input or fixed is reported
 
     def summary(self) -> dict[str, str]:
