@@ -1,4 +1,4 @@
-"""Rows of a table of small integers that are equal, found without sorting whole rows."""
+"""Groups: rows of a table of small integers that are equal, found without sorting whole rows; numbers within groups."""
 
 from __future__ import annotations
 
@@ -20,6 +20,12 @@ def equal_rows(table: Array) -> Iterator[tuple[Array, Array]]:
     starts = np.flatnonzero(np.diff(code[order], prepend=code[order[0]] - 1))
     for members in np.split(order, starts[1:]):
         yield members, table[members[0]]
+
+
+def numbered(count: Array) -> tuple[Array, Array]:
+    """(group, number) of each member of groups that have ``count`` members; both count from 0."""
+    group = np.repeat(np.arange(len(count)), count)
+    return group, np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)
 
 
 def _codes(table: Array) -> Array:

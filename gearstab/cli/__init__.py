@@ -82,8 +82,21 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
 
 
+def _version(ctx: click.Context) -> None:
+    """Print the version with its commit, for which files are read, and exit."""
+    click.echo(f"gearstab, version {full_version()}")
+    ctx.exit()
+
+
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(full_version(), prog_name="gearstab")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=lambda ctx, _, wanted: _version(ctx) if wanted else None,
+    help="Show the version and exit.",
+)
 def group() -> None:
     """Stability maps of gear systems with periodic mesh stiffness."""
 

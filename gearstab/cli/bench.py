@@ -13,6 +13,7 @@ from gearstab.cli.terminal.console import say, tell
 if TYPE_CHECKING:
     from gearstab.bench import Scene
     from gearstab.config import Config
+    from gearstab.system import GearSystem
 
 
 @click.command()
@@ -44,11 +45,12 @@ def command(
     target = output or Path("results") / f"{config.stem}.bench.h5"
     _guard(config, target, not no_plot)
     loaded = load(config, overrides)
-    scene = _scene(loaded)
-    if loaded.system.build().rotations:
+    system = loaded.system.build()
+    scene = _scene(loaded, system)
+    if system.rotations:
         from gearstab.bench.turning import turning_costs
 
-        for cost in turning_costs(loaded.system.build(), scene.start, scene.stop):
+        for cost in turning_costs(system, scene.start, scene.stop):
             say(cost.text())
         return
     prepare(target)
@@ -64,8 +66,8 @@ def command(
         from gearstab.bench.branches import branch_cost
 
         cycles = loaded.methods.branches.cycles
-        say(branch_cost(loaded.system.build(), scene.start, scene.stop, cycles=cycles).text(cycles))
-    groups = {"modes": modes_group(loaded.system.build()), "bench": bench_group(scene, points, found)}
+        say(branch_cost(system, scene.start, scene.stop, cycles=cycles).text(cycles))
+    groups = {"modes": modes_group(system), "bench": bench_group(scene, points, found)}
     write_result(target, ResultTree(Group((), root_attributes(BENCH, loaded)), groups))
     if not quiet:
         tell(f"written: {target}")
@@ -87,7 +89,7 @@ def _guard(config: Path, target: Path, plot: bool) -> None:
     result_of(BENCH).refuse(target, config)
 
 
-def _scene(loaded: Config) -> Scene:
+def _scene(loaded: Config, system: GearSystem) -> Scene:
     """The base system and the range of the mesh_frequency axis. Raises ConfigError without such an axis."""
     from gearstab.bench import Scene, without_rigid_modes
     from gearstab.config import ConfigError
@@ -101,7 +103,6 @@ def _scene(loaded: Config) -> Scene:
             [loaded.problem(("sweep", "mesh_frequency"), "missing", "is missing, which bench needs", hint)]
         )
     values = [float(value) for value in axis.values]
-    system = loaded.system.build()
     takes = {Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING}
     if system.rotations and system.piecewise_constant:
         takes = {Feature.ROTATION, Feature.UNSYMMETRIC_DAMPING}

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.grouping import numbered
 from gearstab.interrupts import heed
 from gearstab.propagation import magnus
 from gearstab.propagation.equation import Equation
@@ -157,9 +158,9 @@ class Stepped:
         whole = np.diff(fractions, prepend=0.0)
         # A whole number of steps, but for rounding, takes no further one.
         counts = np.where(whole > 0, np.maximum(1, np.ceil(points.steps * whole - 1e-9)), 0).astype(int)
-        width = np.repeat(whole / np.maximum(counts, 1), counts)
-        before = np.arange(len(width)) - np.repeat(np.cumsum(counts) - counts, counts)
-        maps = self._maps(np.repeat(fractions - whole, counts) + before * width, width)
+        interval, before = numbered(counts)
+        width = (whole / np.maximum(counts, 1))[interval]
+        maps = self._maps((fractions - whole)[interval] + before * width, width)
         for count in counts:
             p, shift = np.broadcast_to(np.eye(m), (len(points.at), m, m)), np.zeros((len(points.at), m))
             for _ in range(count):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 else:
     WaveformSection = create_model(
-        "Waveform",
+        "WaveformSection",
         __module__=__name__,
         __base__=tuple(dict.fromkeys(wave.keys for wave in reversed(WAVEFORMS.values()) if wave.keys is not Keys)),
         __doc__="The shape of the mesh stiffness over its period; which keys it has depends on its kind.",

@@ -96,7 +96,7 @@ print(json.dumps({
     "long_name": config.axes[1].long_name,
     "range": problems("{kind: sawtooth, tilt: 2}", "[0.5]"),
     "other": problems("{kind: fourier, sin: [1], tilt: 0.5}", "[0.5]"),
-    "schema": "sawtooth" in schema()["$defs"]["Waveform"]["properties"]["kind"]["enum"],
+    "schema": "sawtooth" in schema()["$defs"]["WaveformSection"]["properties"]["kind"]["enum"],
 }))
 """
 

@@ -8,6 +8,7 @@ from math import ceil
 import numpy as np
 
 from gearstab.floquet.boundaries import boundaries
+from gearstab.grouping import numbered
 from gearstab.modal import mean_modes
 from gearstab.perturbation import first_order
 from gearstab.system import Array, GearSystem
@@ -49,7 +50,7 @@ def exact(
 
 def _by_row(row: Array, lower: Array, upper: Array, rows: int) -> DisjointRegions:
     count = np.bincount(row, minlength=rows)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    _, place = numbered(count)
     edges = np.full((2, rows, max(1, int(count.max(initial=0)))), np.nan)
     order = np.lexsort((lower, row))
     edges[:, row[order], place] = lower[order], upper[order]

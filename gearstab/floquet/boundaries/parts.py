@@ -15,6 +15,7 @@ import numpy as np
 from gearstab.floquet.boundaries.intervals import by_row
 from gearstab.floquet.segments.blocks import split, whole
 from gearstab.floquet.segments.pattern import Pattern
+from gearstab.grouping import numbered
 from gearstab.system import Array
 
 TAKES_PART = 1e-6
@@ -76,8 +77,8 @@ class RegionEdges:
         """Return the parts at the positions ``index``."""
         count = np.bincount(self.owner, minlength=len(self.row))
         begin, own = (np.cumsum(count) - count)[index], count[index]
-        owner = np.repeat(np.arange(len(index)), own)
-        place = np.arange(len(owner)) - np.repeat(np.cumsum(own) - own, own) + np.repeat(begin, own)
+        owner, number = numbered(own)
+        place = begin[owner] + number
         edges, error, cut = (part[index] for part in (self.edges, self.error, self.cut))
         return RegionEdges(self.row[index], edges, error, cut, owner, self.member[place])
 

@@ -104,12 +104,7 @@ class PeriodicPart:
         table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
         _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
         form = FirstOrder.joined([row.form for row in self.rows])
-        # Values of rows run along the second axis from the right there.
-        levels = np.swapaxes(values[:, first], 0, 1)
-        matrix = np.swapaxes(replace(form, by_speed=None).generator(levels), 0, 1)
-        unit = np.stack([form.rate, *np.ones((2, len(form.rate)))], axis=-1)[:, None]
-        laws = None if form.laws is None else form.laws * unit
-        return Generators(matrix, form.by_speed, laws), np.ravel(states)
+        return Generators.of(form, values[:, first]), np.ravel(states)
 
     def _linked(self, fractions: Array, values: Array, rounding: float) -> Chain:
         """values: ``(r, S, J)``, of all functions in each segment."""
@@ -143,8 +138,8 @@ def weights(fractions: Array, states: Array) -> Array:
     return result
 
 
-def parts(system: GearSystem, limits: Limits) -> Iterator[PeriodicPart]:
-    """All rows of a system, each once."""
+def parts(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, bool]]:
+    """All rows of a system, each once, and whether they are Hamiltonian."""
     plan, rows, cycles = schedule(system), elastic_forms(system), float(system.common_period()[0])
     still = free_rotations(system).sum(axis=1)
     sizes = np.stack([still, [row.size for row in rows]], axis=1)
@@ -159,13 +154,14 @@ def parts(system: GearSystem, limits: Limits) -> Iterator[PeriodicPart]:
         pattern = Pattern(members, cycles, unit, none, np.zeros(1, dtype=int), levels, elastic, whole[:, None])
         found = PeriodicPart(Part(pattern, n, np.tile(np.arange(n), (r, 1)), 1), own, plan, varies, speeds)
         canonical = found.hamiltonian
-        yield from (found.subset(k) for k in (np.flatnonzero(canonical), np.flatnonzero(~canonical)) if len(k))
+        for flag in (True, False):
+            if np.any(canonical == flag):
+                yield found.subset(np.flatnonzero(canonical == flag)), flag
 
 
 def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, Chain, SearchResult]]:
     """Parts of all rows, chains from which their regions may be named, and what is found out about them."""
-    for own in parts(system, limits):
-        canonical = bool(own.hamiltonian[0])
+    for own, canonical in parts(system, limits):
         if own.varies.any():
             yield own, *_controlled(own, limits, canonical)
         else:

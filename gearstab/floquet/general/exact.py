@@ -104,9 +104,7 @@ def exact_rows(system: GearSystem) -> Iterator[ExactRows]:
             own = every.subset(np.flatnonzero(symplectic == hamiltonian))
             rows, form = own.form.rows, own.form
             segments, levels = _segments(plan.subset(rows), values[rows], cycles)
-            # Values of rows run along the second axis from the right there.
-            matrix = np.swapaxes(replace(form, by_speed=None).generator(np.swapaxes(levels, 0, 1)), 0, 1)
-            generator = Generators(matrix, form.by_speed, form.scaled_laws, bool(hamiltonian))
+            generator = Generators.of(form, levels, bool(hamiltonian))
             yield ExactRows(own, segments, _weighted(generator, len(own.elastic)))
 
 

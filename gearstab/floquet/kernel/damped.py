@@ -16,6 +16,7 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.floquet.segments.pattern import Pattern, Succession
+from gearstab.propagation.first_order import FirstOrder
 from gearstab.rotation import factors as speed_factors
 from gearstab.system import Array
 
@@ -38,6 +39,13 @@ class Generators:
     by_speed: Array | None = None
     laws: Array | None = None
     symplectic: bool = False
+
+    @classmethod
+    def of(cls, form: FirstOrder, levels: Array, symplectic: bool = False) -> Generators:
+        """Return those of rows at the levels ``(r, D, J)`` of their varying functions, in units of their rates."""
+        # Values of rows run along the second axis from the right there.
+        matrix = np.swapaxes(replace(form, by_speed=None).generator(np.swapaxes(levels, 0, 1)), 0, 1)
+        return cls(matrix, form.by_speed, form.scaled_laws, symplectic)
 
     @cached_property
     def _diagonal(self) -> tuple[Array, Array, Array, Array]:

@@ -16,7 +16,7 @@ import numpy as np
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES, SHORTEST, Pattern
 from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.floquet.smooth.schemes import CF6_5, Scheme
-from gearstab.grouping import equal_rows
+from gearstab.grouping import equal_rows, numbered
 from gearstab.propagation.schedule import Functions, sources
 from gearstab.system import Array, GearSystem
 
@@ -120,8 +120,7 @@ class Division:
 
 def in_steps(start: Array, length: Array, counts: Array) -> tuple[Array, Array, Array]:
     """(start, length ``(r, S)``, piece ``(S,)``) of the equal steps that pieces ``(r, Q)`` are cut into."""
-    piece = np.repeat(np.arange(len(counts)), counts)
-    number = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
+    piece, number = numbered(counts)
     length = length[:, piece] / counts[piece]
     return start[:, piece] + number * length, length, piece
 

@@ -27,6 +27,7 @@ from gearstab.floquet.boundaries.damped.proof import MODULI
 from gearstab.floquet.boundaries.damped.scan import Scan
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel.chain import Chain
+from gearstab.grouping import numbered
 from gearstab.system import Array
 
 RASTER = 4
@@ -117,9 +118,8 @@ def _between(scan: Scan, spacing: Array) -> tuple[Array, Array]:
     inside = (np.diff(scan.row) == 0) & above.any(axis=0)
     # Samples may lie on each other, where gaps have ends in common.
     count = np.where(inside, np.maximum(np.ceil(width / limit) - 1, 0), 0).astype(int)
-    owner = np.repeat(np.arange(len(count)), count)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + 1
-    return scan.row[owner], np.log(cycle[owner] + width[owner] * number / (count[owner] + 1))
+    owner, number = numbered(count)
+    return scan.row[owner], np.log(cycle[owner] + width[owner] * (number + 1) / (count[owner] + 1))
 
 
 @dataclass(frozen=True)

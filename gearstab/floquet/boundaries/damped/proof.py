@@ -22,6 +22,7 @@ import numpy as np
 from gearstab.floquet.boundaries.damped.roots import RootBrackets, narrowed
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel.chain import Chain
+from gearstab.grouping import numbered
 from gearstab.system import Array
 
 PROVED, FAILED, EDGE = range(3)
@@ -243,9 +244,9 @@ class Cover:
         wide = np.flatnonzero(both & (width > np.maximum(REACH * larger, floor)))
         mean = np.maximum(np.sqrt(radius[0] * radius[1])[wide], width[wide] / (REACH * AT_ONCE))
         count = np.ceil(width[wide] / (REACH * mean)).astype(int)
-        owner = np.repeat(wide, count)
-        number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        add(owner, gaps.left[owner] + width[owner] * (number + 0.5) / np.repeat(count, count))
+        gap, number = numbered(count)
+        owner = wide[gap]
+        add(owner, gaps.left[owner] + width[owner] * (number + 0.5) / count[gap])
         near = np.flatnonzero(both & (width <= REACH * larger) & (width > floor))
         # Both radii point to what is narrow inside; where they reach over it there is nothing.
         one, two, whole = radius[0][near], radius[1][near], width[near]

@@ -19,6 +19,7 @@ from gearstab.floquet.boundaries.damped.proof import Cover, Gaps, MultiplierSamp
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE
+from gearstab.grouping import numbered
 from gearstab.system import Array
 
 STEP = 0.1
@@ -94,9 +95,8 @@ class Scan:
         length, along = np.exp(gaps.right) - start, np.isfinite(cell[gaps.row])
         count = np.where(along, length / cell[gaps.row], gaps.width / step[gaps.row])
         count = np.ceil(count).astype(int) + 1
-        owner = np.repeat(np.arange(len(count)), count)
-        number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        part = number / np.repeat(count - 1, count)
+        owner, number = numbered(count)
+        part = number / (count - 1)[owner]
         place = np.where(
             along[owner], np.log(start[owner] + length[owner] * part), gaps.left[owner] + gaps.width[owner] * part
         )

@@ -17,6 +17,7 @@ from gearstab.floquet.boundaries.damped.search import SearchResult, Stretches
 from gearstab.floquet.boundaries.gyroscopic.phases import KreinPhases
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.general.canonical import CanonicalPeriods
+from gearstab.grouping import numbered
 from gearstab.interrupts import heed
 from gearstab.system import Array
 
@@ -94,9 +95,9 @@ class VerdictGaps:
         k = np.flatnonzero(chosen)
         width = self.width[k]
         count = np.ceil(width / (REACH * np.maximum(self.radius[k], width / (REACH * AT_ONCE)))).astype(int)
-        owner = np.repeat(k, count)
-        number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        return self.row[owner], self.left[owner] + self.width[owner] * (number + 0.5) / np.repeat(count, count)
+        chosen_of, number = numbered(count)
+        owner = k[chosen_of]
+        return self.row[owner], self.left[owner] + self.width[owner] * (number + 0.5) / count[chosen_of]
 
 
 class VerdictCover:

@@ -21,6 +21,7 @@ from gearstab.floquet.boundaries.intervals import Intervals
 from gearstab.floquet.boundaries.names.labels import BAND
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel.chain import Chain
+from gearstab.grouping import numbered
 from gearstab.system import Array
 
 PLACES = 0.5, 0.1, 0.9
@@ -74,8 +75,7 @@ class WhirlPairs:
 def named(chain: Chain, intervals: Intervals, size: int) -> list[tuple[WhirlRoot, ...]]:
     """The roots of each interval, the leading one first; size: n, rigid-body modes included."""
     count = np.where(intervals.stop - intervals.start > WIDE * intervals.start, len(PLACES), 1)
-    owner = np.repeat(np.arange(len(count)), count)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    owner, number = numbered(count)
     if len(owner) == 0:
         return []
     cycle = intervals.start[owner] + np.array(PLACES)[number] * (intervals.stop - intervals.start)[owner]
