@@ -9,6 +9,8 @@ from gearstab.system import Feature, GearSystem
 
 ANY_LINEAR = frozenset({Feature.PERIODIC_TERMS, Feature.IRRATIONAL_RATIO})
 """The features of linear systems."""
+WHIRLING = frozenset({Feature.ROTATION, Feature.UNSYMMETRIC_DAMPING})
+"""The features of systems whose motions are no real modes, and may go with the mesh frequency."""
 ONLY_MESHES = frozenset({Feature.IRRATIONAL_RATIO, Feature.FOLLOWS_ROTATION})
 """The features of systems with symmetric damping of which only the mesh stiffness varies, with time or, where it
 follows the rotation, as in the classical formulation."""
@@ -41,6 +43,11 @@ def unsupported(
             message = _MESSAGES[feature].format(terms=", ".join(term.name for term in system.terms))
             return message, {**_REMEDIES, **(remedies or {})}[feature]
     return None
+
+
+def whirls(system: GearSystem) -> bool:
+    """Return whether the motions of a system are no real modes: modes of its symmetric part say little of them."""
+    return bool(system.features & WHIRLING)
 
 
 def require(system: GearSystem, supports: Collection[Feature], theory: str) -> None:

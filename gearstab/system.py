@@ -25,6 +25,7 @@ from math import gcd, lcm, prod
 
 import numpy as np
 
+from gearstab.connections import Connection
 from gearstab.errors import NotPossible
 from gearstab.rotation import Rotation
 from gearstab.waveforms import Constant, Fourier, Profile, Rectangular, Waveform
@@ -47,6 +48,20 @@ class Feature(Enum):
 
 
 @dataclass(frozen=True)
+class RevolutionError:
+    """A transmission error that repeats with the revolution of a gear: an eccentricity, or errors of its pitch.
+
+    name: of mesh and gear. profile: e over a revolution. frequency_ratio: of the gear over Omega, relative to what the
+    mesh is fixed in. lag: as in :class:`Mesh`, in revolutions.
+    """
+
+    name: str
+    profile: Fourier
+    frequency_ratio: Fraction
+    lag: Array | float = 0.0
+
+
+@dataclass(frozen=True)
 class Mesh:
     """One tooth mesh: a spring of periodic stiffness along a direction vector.
 
@@ -63,11 +78,14 @@ class Mesh:
     lag: ``(...)``, the start of the wave as a fraction of this mesh's own period.
     transmission_error: e_i(x), the unloaded static transmission error at the same phase x: the mesh is without force at
         g_i^T q = e_i, so that it acts as the forces k_i(t) e_i g_i and c_i e_i' g_i. Stability does not depend on it.
+    revolution_errors: those that repeat with a revolution of a gear, which add to e_i.
     damping: ``(...)``, c_i, what this mesh adds to the damping of the system, c_i g_i g_i^T.
     backlash: 2 b, the play between the flanks, 0 where the teeth always touch. Only :mod:`gearstab.response.backlash`
         lets them part; everything else is about the linear system in contact.
     backlash_zero: where in the play g_i^T q = e_i is: in its ``middle``, or on the ``drive_side``, at the flank that
         carries the load.
+    part_of: the name of the mesh whose stiffness it changes, "" for a mesh by itself. A weak tooth is such a part, with
+        the period of its shaft and a negative stiffness; its force counts to that of the mesh.
     """
 
     name: str
@@ -78,9 +96,11 @@ class Mesh:
     frequency_ratio: Fraction | float = Fraction(1)
     lag: Array | float = 0.0
     transmission_error: Fourier | None = None
+    revolution_errors: tuple[RevolutionError, ...] = ()
     damping: Array | float = 0.0
     backlash: Array | float = 0.0
     backlash_zero: str = "middle"
+    part_of: str = ""
 
     @property
     def amplitude(self) -> Array:
@@ -89,7 +109,9 @@ class Mesh:
 
     @property
     def lowest_stiffness(self) -> Array:
-        """The softest level of k_i(t)."""
+        """The softest level of k_i(t); infinite of a part, which has no sign of its own to keep."""
+        if self.part_of:
+            return np.full(np.broadcast_shapes(np.shape(self.mean_stiffness), self.waveform.batch), np.inf)
         return self.mean_stiffness + 2 * self.amplitude * self.waveform.extremes()[0]
 
     @property
@@ -210,6 +232,7 @@ class GearSystem:
     load: ``(..., n)``, the constant part of f(t), or None. Stability does not depend on f(t).
     forces: the periodic parts of f(t).
     rotations: speeds of rotation, and the gyroscopic, circulatory and centripetal matrices that act with them.
+    connections: bearings and shafts, parts of K0 and C whose forces responses give.
     symmetries: of the mean system, each of another part. They name modes, and modes of different types are taken as
         uncoupled where the mesh stiffnesses of every moment and the damping have them as well, which is looked at.
     units: SI unit of each coordinate, ``m`` or ``rad``; without any all are m. Results and figures say it, nothing
@@ -229,6 +252,7 @@ class GearSystem:
     load: Array | None = None
     forces: tuple[PeriodicForce, ...] = ()
     rotations: tuple[Rotation, ...] = ()
+    connections: tuple[Connection, ...] = ()
     units: tuple[str, ...] = ()
     deflection_unit: str = "m"
     dimensionless: tuple[str, ...] = ()
@@ -272,6 +296,7 @@ class GearSystem:
             shapes += [np.shape(mesh.epsilon), np.shape(mesh.lag), mesh.waveform.batch]
             if mesh.transmission_error is not None:
                 shapes.append(mesh.transmission_error.batch)
+            shapes += [error.profile.batch for error in mesh.revolution_errors]
         if self.load is not None:
             shapes.append(np.shape(self.load)[:-1])
         shapes += [term.batch for term in self.terms] + [force.batch for force in self.forces]
@@ -317,7 +342,7 @@ class GearSystem:
     @property
     def forced(self) -> bool:
         """Whether anything drives it: a load, forces or transmission errors."""
-        errors = any(mesh.transmission_error is not None for mesh in self.meshes)
+        errors = any(mesh.transmission_error is not None or mesh.revolution_errors for mesh in self.meshes)
         return self.load is not None or bool(self.forces) or errors
 
     @property
@@ -329,6 +354,25 @@ class GearSystem:
     def frequency_ratios(self) -> list[Fraction | float]:
         """Frequency ratios of the meshes, then of the terms."""
         return [mesh.frequency_ratio for mesh in self.meshes] + [term.frequency_ratio for term in self.terms]
+
+    @property
+    def all_ratios(self) -> list[Fraction | float]:
+        """Frequency ratios of all that varies or drives: meshes, terms, forces, then errors of revolutions."""
+        own = [error.frequency_ratio for mesh in self.meshes for error in mesh.revolution_errors]
+        return [*self.frequency_ratios, *(force.frequency_ratio for force in self.forces), *own]
+
+    @cached_property
+    def whole_meshes(self) -> tuple[Mesh, ...]:
+        """The meshes without their parts, which come last."""
+        return tuple(mesh for mesh in self.meshes if not mesh.part_of)
+
+    @cached_property
+    def wholes(self) -> Array | None:
+        """S ``(meshes, whole meshes)``: column j has 1 for mesh j and for its parts; None where no mesh has parts."""
+        names = [mesh.name for mesh in self.whole_meshes]
+        if len(names) == len(self.meshes):
+            return None
+        return np.array([[float(name in (mesh.name, mesh.part_of)) for name in names] for mesh in self.meshes])
 
     def over(self, batch: tuple[int, ...]) -> GearSystem:
         """The same system with the given batch shape, carried by its mass: what varies or not no longer decides it."""
@@ -346,6 +390,7 @@ class GearSystem:
             load=None if self.load is None else vector(self.load),
             forces=tuple(replace(force, direction=vector(force.direction)) for force in self.forces),
             rotations=tuple(rotation.mapped(matrix) for rotation in self.rotations),
+            connections=tuple(item.mapped(vector) for item in self.connections),
         )
 
     def projected(self, basis: Array, coordinates: tuple[str, ...] = ()) -> GearSystem:
@@ -382,6 +427,7 @@ class GearSystem:
             load=None if self.load is None else self.load / stiffness[..., None],
             forces=tuple(replace(force, direction=force.direction / stiffness[..., None]) for force in self.forces),
             rotations=tuple(rotation.scaled(mass, stiffness) for rotation in self.rotations),
+            connections=tuple(item.scaled(mass, stiffness) for item in self.connections),
             dimensionless=("mass", "time"),
         )
 
@@ -397,7 +443,7 @@ class GearSystem:
 
     def undriven(self) -> GearSystem:
         """Return the system with nothing that drives it."""
-        meshes = tuple(replace(mesh, transmission_error=None) for mesh in self.meshes)
+        meshes = tuple(replace(mesh, transmission_error=None, revolution_errors=()) for mesh in self.meshes)
         return replace(self, load=None, forces=(), meshes=meshes)
 
     def mean_stiffness_matrix(self) -> Array:
@@ -418,6 +464,11 @@ class GearSystem:
         the terms after those of the meshes. Raises NotPossible where there is none.
         """
         return shared_period(self.frequency_ratios)
+
+
+def of_wholes(forces: Array, wholes: Array | None) -> Array:
+    """Return the forces of whole meshes from those of all meshes and parts; see :attr:`GearSystem.wholes`."""
+    return forces if wholes is None else forces @ wholes
 
 
 def _symmetric(matrix: Array) -> bool:

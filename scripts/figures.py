@@ -38,6 +38,8 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
         "": ("--kind", "campbell", "--select", "damping_ratio=0", "--size", "double"),
         "_damping": ("--kind", "campbell"),
     },
+    "spinning/planetary": {"": (), "_campbell": ("--kind", "campbell", "--size", "double")},
+    "spinning/rotor": {"": (), "_campbell": ("--kind", "campbell", "--size", "double")},
     "lin_parker_2002/fig8a": {"": POINT_A},
     "lin_parker_2002/fig8b": {"": POINT_A},
     "response/two_stage_speeds": {

@@ -40,7 +40,7 @@ class BranchCost:
 def branch_cost(system: GearSystem, low: float, high: float, points: int = 300, cycles: float = 200) -> BranchCost:
     """Measure both over a range of mesh frequencies, of a system with backlash."""
     begin = process_time()
-    search = BranchSearch(SectionMap(system), StepLimits(low, high, points), switch=False)
+    search = BranchSearch(SectionMap(system), StepLimits(low, high, points))
     search.run(Starts(tuple(np.linspace(low, high, STARTS).tolist()), cycles=cycles))
     middle = process_time()
     speed_cycles(system, np.linspace(low, high, SPEEDS), cycles=cycles)

@@ -13,6 +13,10 @@ replaced by what K_s r = 0 makes of the others. It is refused unless what is sto
   E^T M E - E^T M r (r^T M r)^-1 r^T M E as its matrices. What is proved is about z: about q except for r (a + b t).
 * Else velocities along r count: x = (z, q') with z' = E^T q' - E^T r (D^T r)^-1 D^T q', D the unit vectors of the
   coordinates singled out, and q'' = -M^-1 (C_s q' + K_s E z). What is proved is about q except for a constant r a.
+
+**Matrices that follow the speed**, Omega G q' + (Omega H + Omega^2 K) q. In the time Omega t and with u = 1/Omega the
+equation is M q'' + (G + u C_s) q' + (K + u H + u^2 K_s) q = 0, so that A_s = A_0 + u A_1 + u^2 A_2. r is imposed on all
+matrices alike. Q is kept where C_s = 0, all else is symmetric and G, its C, skew.
 """
 
 from __future__ import annotations
@@ -23,7 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb_mat, ctx
 
-from gearstab.certificates.verifier import PRECISION, Flow, exact
+from gearstab.certificates.polynomials import exact
+from gearstab.certificates.verifier import PRECISION, Flow
 
 Array = np.ndarray
 
@@ -36,7 +41,8 @@ class Segments:
     """A system as stored.
 
     mass ``(n, n)``; damping, stiffness ``(D, n, n)`` of its states; states, fractions ``(S,)`` of the segments; N,
-    cycles, of a period 2 pi N/Omega; rigid ``(n, k)``, the vectors r.
+    cycles, of a period 2 pi N/Omega; rigid ``(n, k)``, the vectors r. following: G, H, K ``(n, n)`` in
+    Omega G q' + (Omega H + Omega^2 K) q; None where nothing follows the speed.
     """
 
     mass: Array
@@ -46,32 +52,55 @@ class Segments:
     fractions: Sequence[float]
     cycles: float
     rigid: Array
+    following: tuple[Array, Array, Array] | None = None
 
 
 def flow(system: Segments) -> Flow:
     """The system in balls; raises ValueError where the vectors are no rigid-body modes."""
     ctx.prec = PRECISION
     mass, damping, stiffness = exact(system.mass), system.damping, system.stiffness
+    turning = (
+        [np.zeros((0, *system.mass.shape))] * 3 if system.following is None else [*np.array(system.following)[:, None]]
+    )
     columns: tuple[arb_mat, arb_mat] | None = None
     if system.rigid.shape[1]:
-        if _left(stiffness, system.rigid) > IMPOSED:
+        felt, drags = np.concatenate([stiffness, *turning[1:]]), np.concatenate([damping, turning[0]])
+        if _left(felt, system.rigid) > IMPOSED:
             raise ValueError("these vectors are no rigid-body modes")
         single = _singled_out(system.rigid)
         others = np.setdiff1d(np.arange(len(system.mass)), single)
         rigid = exact(system.rigid)
         unit = exact(np.eye(len(system.mass))[:, others])
-        if max(_left(m, system.rigid) for m in (damping, _turned(damping), _turned(stiffness))) <= IMPOSED:
+        if max(_left(m, system.rigid) for m in (drags, _turned(drags), _turned(felt))) <= IMPOSED:
             share = rigid.transpose() * mass
             mass = unit.transpose() * (mass - mass * rigid * (share * rigid).inv() * share) * unit
-            damping, stiffness = (part[:, others][:, :, others] for part in (damping, stiffness))
+            damping, stiffness, *turning = (part[:, others][:, :, others] for part in (damping, stiffness, *turning))
         else:
             drop = exact(np.eye(len(system.mass))[single])
             columns = unit, unit.transpose() - exact(system.rigid[others]) * (drop * rigid).inv() * drop
-    states = [_generator(mass, exact(c), exact(k), columns) for c, k in zip(damping, stiffness, strict=True)]
-    symmetric = np.array_equal(system.mass, system.mass.T) and np.array_equal(stiffness, _turned(stiffness))
-    kept = columns is None and symmetric and all(np.array_equal(c, -damping[0].T) for c in damping)
-    form = _blocks([[exact(damping[0]), mass], [-1 * mass, 0 * mass]]) if kept else None
-    return Flow(states, list(system.states), list(system.fractions), system.cycles, form)
+    plain = columns is None and np.array_equal(system.mass, system.mass.T)
+    if system.following is None:
+        states = [_generator(mass, exact(c), exact(k), columns) for c, k in zip(damping, stiffness, strict=True)]
+        form = _form(mass, damping, stiffness) if plain else None
+        return Flow(states, list(system.states), list(system.fractions), system.cycles, form)
+    (g,), (h,), (square,) = turning
+    no = np.zeros_like(g)
+    still = _generator(mass, exact(no), exact(no), columns)
+    fixed = _generator(mass, exact(g), exact(square), columns)
+    terms = [
+        (_generator(mass, exact(c), exact(h), columns) - still, _generator(mass, exact(no), exact(k), columns) - still)
+        for c, k in zip(damping, stiffness, strict=True)
+    ]
+    every = np.concatenate([stiffness, h[None], square[None]])
+    form = _form(mass, g[None], every) if plain and not damping.any() else None
+    return Flow([fixed] * len(terms), list(system.states), list(system.fractions), system.cycles, form, terms)
+
+
+def _form(mass: arb_mat, damping: Array, stiffness: Array) -> arb_mat | None:
+    """Q = [[C, M], [-M, 0]], None where C is no one skew matrix or a stiffness is not symmetric."""
+    if not np.array_equal(stiffness, _turned(stiffness)) or not all(np.array_equal(c, -damping[0].T) for c in damping):
+        return None
+    return _blocks([[exact(damping[0]), mass], [-1 * mass, 0 * mass]])
 
 
 def _generator(mass: arb_mat, damping: arb_mat, stiffness: arb_mat, columns: tuple[arb_mat, arb_mat] | None) -> arb_mat:

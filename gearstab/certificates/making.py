@@ -14,7 +14,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from gearstab.certificates.choices import GRADED
-from gearstab.certificates.verifier import Array, Certificate, Flow, near, proves
+from gearstab.certificates.polynomials import near
+from gearstab.certificates.verifier import Array, Certificate, Flow, proves
 
 FIRST = 0.01
 """From the lower end of the first piece to where its coordinates are looked for, relative to Omega, if no edge is near.
@@ -46,12 +47,21 @@ class Maker:
         self.flow, self.floor = flow, floor
         self.generators = np.array([near(generator) for generator in flow.generators])
         self.states, self.fractions = np.asarray(flow.states), np.asarray(flow.fractions)
+        self.following = np.array([[near(part) for part in parts] for parts in flow.following])
         self.share = np.bincount(self.states, self.fractions)
-        self.mean = np.tensordot(self.share, self.generators, 1)
         self.form = None if flow.form is None else near(flow.form)
+        if flow.following:
+            self.spectra = None
+            return
         values, vectors = np.linalg.eig(self.generators)
         diagonal = np.linalg.cond(vectors).max() < CONDITION
         self.spectra = (values, vectors, np.linalg.inv(vectors)) if diagonal else None
+
+    def _generators(self, omega: float) -> Array:
+        """``(D, m, m)``, of all states."""
+        if not self.flow.following:
+            return self.generators
+        return np.asarray(self.generators + (self.following[:, 0] + self.following[:, 1] / omega) / omega)
 
     def cover(self, low: float, high: float, edges: tuple[bool, bool] = (False, False)) -> Iterator[Certificate]:
         """Pieces of an interval of Omega, ascending, all of them proved.
@@ -111,7 +121,13 @@ class Maker:
 
     def _monodromy(self, omega: Array) -> Array:
         """``(P, m, m)``, at each omega ``(P,)``."""
-        found = np.broadcast_to(np.eye(self.mean.shape[0]), (len(omega), *self.mean.shape))
+        m = self.generators.shape[-1]
+        found = np.broadcast_to(np.eye(m), (len(omega), m, m))
+        if self.flow.following:
+            every = np.array([self._generators(at) for at in omega.tolist()])
+            for state, f in zip(self.states, self.fractions, strict=True):
+                found = expm(every[:, state] * (f * 2 * np.pi * self.flow.cycles)) @ found
+            return found
         for state, f in zip(self.states, self.fractions, strict=True):
             times = f * 2 * np.pi * self.flow.cycles / omega
             if self.spectra is None:
@@ -131,7 +147,7 @@ class Maker:
             return None
         values, vectors = np.linalg.eig(monodromy)
         if np.abs(values).max() < 1 and np.linalg.cond(vectors) * np.abs(values).min() * WIDE <= np.abs(values).max():
-            values, vectors = np.linalg.eig(self.mean)
+            values, vectors = np.linalg.eig(np.tensordot(self.share, self._generators(low), 1))
             # Of rates what orders and pairs them: multipliers themselves may be below all doubles.
             values = np.exp(values.real / np.abs(values.real).max() - 2 + 1j * np.sign(values.imag))
         order = np.argsort(-np.abs(values), kind="stable")
@@ -141,7 +157,7 @@ class Maker:
         values, vectors, pairs = values[own], vectors[:, own], pairs[own]
         if len(values) + pairs.sum() != len(monodromy) or not values.all():
             return None
-        coordinates = self._balanced(vectors, pairs)
+        coordinates = self._balanced(vectors, pairs, self._generators(low))
         growth = np.log(np.abs(np.repeat(values, 1 + pairs)))
         gap = growth - np.maximum(np.append(growth[1:], -np.inf), 0.0)
         outside = int(np.argmax(gap)) + 1
@@ -153,14 +169,14 @@ class Maker:
             return Certificate(low, high, 0, 1.0, coordinates)
         return Certificate(low, high, 0, 0.0, coordinates, _separators(self.form, values, vectors))
 
-    def _balanced(self, vectors: Array, pairs: Array) -> Array:
+    def _balanced(self, vectors: Array, pairs: Array, generators: Array) -> Array:
         """Real coordinates of Floquet vectors, of such lengths that what couples two of them is alike both ways."""
         owner = np.repeat(np.arange(len(pairs)), 1 + pairs)
         first = np.searchsorted(owner, np.arange(len(pairs)))
         columns = np.empty((len(vectors), len(owner)))
         columns[:, first], columns[:, first[pairs] + 1] = vectors.real, vectors[:, pairs].imag
         try:
-            inner = np.linalg.solve(columns, self.generators @ columns)
+            inner = np.linalg.solve(columns, generators @ columns)
         except np.linalg.LinAlgError:
             return columns
         size = np.zeros((len(pairs), len(pairs)))

@@ -7,6 +7,7 @@ import numpy as np
 from gearstab.certificates.equations import Segments
 from gearstab.modal import mean_modes
 from gearstab.propagation.schedule import schedule
+from gearstab.rotation import factors
 from gearstab.system import Array, GearSystem
 
 
@@ -27,6 +28,7 @@ def segments(system: GearSystem) -> list[Segments]:
     for term in system.terms:
         outer = system.flat(np.asarray(term.left)[..., :, None] * np.asarray(term.right)[..., None, :], 2)
         parts += [(profile is term.damping, outer) for profile in term.profiles]
+    held, following = _speed_terms(system)
     result = []
     for row in range(system.rows):
         there = found.lengths[row] > 0
@@ -34,10 +36,37 @@ def segments(system: GearSystem) -> list[Segments]:
         c, k = np.array([damping[row]] * len(distinct)), np.array([stiffness[row]] * len(distinct))
         for j, (on_velocity, outer) in enumerate(parts):
             (c if on_velocity else k)[...] += distinct[:, j, None, None] * outer[row]
-        still = rigid[row] & _unfelt(k, shapes[row])
+        for on_velocity, matrix in held:
+            (c if on_velocity else k)[...] += matrix[row]
+        turning = None if following is None else tuple(part[row] for part in following)
+        felt = k if turning is None else np.concatenate([k, turning[1:]])
+        still = rigid[row] & _unfelt(felt, shapes[row])
         fractions = found.lengths[row, there].tolist()
-        result.append(Segments(mass[row], c, k, np.ravel(states).tolist(), fractions, cycles, shapes[row][:, still]))
+        own = np.ravel(states).tolist()
+        result.append(Segments(mass[row], c, k, own, fractions, cycles, shapes[row][:, still], turning))
     return result
+
+
+def _speed_terms(system: GearSystem) -> tuple[list[tuple[bool, Array]], tuple[Array, Array, Array] | None]:
+    """What acts with speeds: where they are held, whether on q' and its matrices ``(rows, n, n)``; where they follow,
+    those of Omega G q' + (Omega H + Omega^2 K) q, None where nothing does. Raises ValueError.
+    """
+    held, n = [], system.size
+    following = {key: np.zeros((system.rows, n, n)) for key in ((True, 1), (False, 1), (False, 2))}
+    terms = [term for rotation in system.rotations for term in rotation.terms()]
+    for term in terms:
+        matrix, softening = system.flat(term.matrix, 2), system.flat(term.softening)
+        if term.held:
+            factor = factors(system.flat(term.speed), np.asarray(term.power), softening)
+            held.append((term.on_velocity, factor[:, None, None] * matrix))
+        elif softening.any():
+            raise ValueError("certificates are about matrices that go with the speed or its square")
+        else:
+            following[term.on_velocity, term.power] += term.speed_ratio**term.power * matrix
+    if all(term.held for term in terms):
+        return held, None
+    drag, first, square = following.values()
+    return held, (drag, first, square)
 
 
 def _unfelt(stiffness: Array, shapes: Array) -> Array:

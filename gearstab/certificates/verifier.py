@@ -31,6 +31,9 @@ coefficient is a ball. So is in the end what is of higher degree than 2. On [-1,
 combination of its Bernstein coefficients c_0 - c_1 + c_2, c_0 - c_2, c_0 + c_1 + c_2, and definite if they are. P is
 positive definite if R P R^T has a dominant diagonal for some R: the inverse of a Cholesky factor in floating point.
 
+**Matrices that follow the speed.** In the time Omega t, A_s = A_0 + u A_1 + u^2 A_2, u = 1/Omega, over 2 pi N f_s. With
+u = u_0 + h z, exp(f_s 2 pi N A_s) is a polynomial in z with a ball for its last coefficient.
+
 **Not covered**: how A_s and f_s, doubles taken exactly, came from gears; what lies between pieces.
 """
 
@@ -43,8 +46,10 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from gearstab.certificates.choices import coordinates
+from gearstab.certificates.polynomials import centre, exact, exponential, near, product, pulled_back, remainder, size
 
 Array = np.ndarray
+Key = tuple[int, float]
 
 PRECISION, DEGREE, GENTLE = 64, 4, 0.1
 """Bits of the midpoints; degree of the Taylor polynomials, sum of |B| below which it is 2."""
@@ -54,13 +59,26 @@ LONGEST, MOST, ENDLESS = 0.4, 16, 1000.0
 
 @dataclass(frozen=True)
 class Flow:
-    """A of each state; of each segment its state and f_s; cycles N; form Q, None where something is damped."""
+    """A of each state; of each segment its state and f_s; cycles N; form Q, None where something is damped.
+
+    following: of each state (A_1, A_2) where matrices follow the speed: the generators are then A_0.
+    """
 
     generators: Sequence[arb_mat]
     states: Sequence[int]
     fractions: Sequence[float]
     cycles: float
     form: arb_mat | None
+    following: Sequence[tuple[arb_mat, arb_mat]] = ()
+
+
+@dataclass(frozen=True)
+class Step:
+    """The flow of a segment, times exp(z slope) where there is a slope B; span: by how much it changes in a piece."""
+
+    flow: Sequence[arb_mat]
+    slope: arb_mat | None
+    span: arb
 
 
 @dataclass(frozen=True)
@@ -86,36 +104,58 @@ def proves(flow: Flow, piece: Certificate) -> bool:
         return False
     if not 0 <= piece.outside <= m or not (piece.rate >= 1 if piece.outside else 0 <= piece.rate <= 1):
         return False
-    turn, start = 2 * arb.pi() * arb(flow.cycles), exact(piece.coordinates)
-    shortest, longest = turn / arb(piece.high), turn / arb(piece.low)
-    middle = ((shortest + longest) / 2).mid()
-    half = (longest - middle).max(middle - shortest).upper()
     try:
         # In coordinates of X_1; segments that are alike once.
-        back, keys = start.inv(), [*zip(flow.states, flow.fractions, strict=True)]
-        own = [back * generator * start for generator in flow.generators]
-        slopes = {(s, f): own[s] * (half * arb(f)) for s, f in keys}
-        total = sum((_size(slopes[key]) for key in keys), arb(0))
-        if not total < ENDLESS:
-            return False
-        flows = {(s, f): (own[s] * (middle * arb(f))).exp() for s, f in slopes}
-        proof, degree = _grows_or_decays if piece.rate else _keeps_a_form, DEGREE if total > GENTLE else 2
-        return proof(flow, piece, [flows[key] for key in keys], [slopes[key] for key in keys], degree)
+        start, keys = exact(piece.coordinates), [*zip(flow.states, flow.fractions, strict=True)]
+        steps, degree = (_by_speed if flow.following else _by_period)(flow, piece, start, keys)
+        proof = _grows_or_decays if piece.rate else _keeps_a_form
+        return proof(flow, piece, [steps[key] for key in keys], degree) if degree else False
     except (ZeroDivisionError, np.linalg.LinAlgError):  # a matrix that may be singular
         return False
 
 
-def _grows_or_decays(flow: Flow, piece: Certificate, flows: list[arb_mat], slopes: list[arb_mat], degree: int) -> bool:
+def _by_period(flow: Flow, piece: Certificate, start: arb_mat, keys: list[Key]) -> tuple[dict[Key, Step], int]:
+    """exp(f A T_0) and B of each sort of segments, and the degree of polynomials in z; 0 of too long a piece."""
+    turn, back = 2 * arb.pi() * arb(flow.cycles), start.inv()
+    middle, half = centre(turn / arb(piece.high), turn / arb(piece.low))
+    own = [back * generator * start for generator in flow.generators]
+    slopes = {(s, f): own[s] * (half * arb(f)) for s, f in keys}
+    sizes = {key: size(slope) for key, slope in slopes.items()}
+    total = sum((sizes[key] for key in keys), arb(0))
+    if not total < ENDLESS:
+        return {}, 0
+    steps = {(s, f): Step([(own[s] * (middle * arb(f))).exp()], slopes[s, f], sizes[s, f]) for s, f in slopes}
+    return steps, DEGREE if total > GENTLE else 2
+
+
+def _by_speed(flow: Flow, piece: Certificate, start: arb_mat, keys: list[Key]) -> tuple[dict[Key, Step], int]:
+    """exp(f 2 pi N A(u)) of each sort of segments as a polynomial in z, and its degree; 0 of too long a piece."""
+    steps, back = {}, start.inv()
+    middle, half = centre(1 / arb(piece.high), 1 / arb(piece.low))
+    for s, f in set(keys):
+        turn = 2 * arb.pi() * arb(flow.cycles) * arb(f)
+        a, b, c = (back * part * start * turn for part in (flow.generators[s], *flow.following[s]))
+        exponent = [a + (b + c * middle) * middle, (b + c * middle * 2) * half, c * (half * half)]
+        sizes = [size(part) for part in exponent]
+        if not sizes[0] + sizes[1] + sizes[2] < ENDLESS:
+            return {}, 0
+        steps[s, f] = Step(exponential(exponent, DEGREE), None, sizes[1])
+    return steps, DEGREE
+
+
+def _grows_or_decays(flow: Flow, piece: Certificate, steps: list[Step], degree: int) -> bool:
     """Theorem 1, from the end of the period to its beginning."""
-    signs = np.where(np.arange(slopes[0].nrows()) < piece.outside, 1.0, -1.0)
+    signs = np.where(np.arange(len(piece.coordinates)) < piece.outside, 1.0, -1.0)
     form, rate = exact(np.diag(signs)), arb(piece.rate)
-    here = [exact(x) for x in coordinates([near(step) for step in flows], flow.fractions, signs, piece.rate)]
+    here = [exact(x) for x in coordinates([near(step.flow[0]) for step in steps], flow.fractions, signs, piece.rate)]
     back = [x.inv() for x in here]
     terms, share, span, count = [form], arb(0), arb(0), 0  # of a part
-    for s in reversed(range(len(flows))):
-        slope = back[s] * slopes[s] * here[s]
-        terms = _pulled_back(terms, back[(s + 1) % len(back)] * flows[s] * here[s], slope, degree)
-        share, span, count = share + arb(flow.fractions[s]), span + _size(slope), count + 1
+    for s in reversed(range(len(steps))):
+        own = [back[(s + 1) % len(back)] * part * here[s] for part in steps[s].flow]
+        if (slope := steps[s].slope) is not None:
+            slope = back[s] * slope * here[s]
+        terms, span = pulled_back(terms, own, slope, degree), span + (steps[s].span if slope is None else size(slope))
+        share, count = share + arb(flow.fractions[s]), count + 1
         if s == 0 or count == MOST or span > LONGEST:
             if not _definite_throughout([terms[0] - form * rate**share, *terms[1:]]):
                 return False
@@ -123,52 +163,25 @@ def _grows_or_decays(flow: Flow, piece: Certificate, flows: list[arb_mat], slope
     return True
 
 
-def _pulled_back(terms: list[arb_mat], step: arb_mat, slope: arb_mat, degree: int) -> list[arb_mat]:
-    """exp(z B)^T P(z) exp(z B), P = step^T terms(z) step, as a polynomial."""
-    moved, rest = [step.transpose() * term * step for term in terms], _remainder(slope)
-    found = moved + [0 * slope] * (degree + 1 - len(moved))
-    for order in range(1, degree + 1):
-        share = slope / order
-        products = [term * share for term in moved[: degree + 1 - order]]
-        moved = [product + product.transpose() for product in products]
-        for k, term in enumerate(moved):
-            found[k + order] = found[k + order] + term
-    return [*found[:-1], rest.transpose() * found[-1] * rest]
-
-
-def _keeps_a_form(flow: Flow, piece: Certificate, flows: list[arb_mat], slopes: list[arb_mat], degree: int) -> bool:
+def _keeps_a_form(flow: Flow, piece: Certificate, steps: list[Step], degree: int) -> bool:
     """Theorem 2."""
     if flow.form is None:
         return False
     start, unit = exact(piece.coordinates), exact(np.eye(len(piece.coordinates)))
     form, period = start.transpose() * flow.form * start, [unit]
-    for step, slope in zip(flows, slopes, strict=True):
-        terms = [step]
-        for k in range(1, degree + 1):
-            terms.append(terms[-1] * slope / k)
-        period = _product([*terms[:-1], terms[-1] * _remainder(slope)], period, degree)
+    for step in steps:
+        terms = list(step.flow)
+        if step.slope is not None:
+            for k in range(1, degree + 1):
+                terms.append(terms[-1] * step.slope / k)
+            terms[-1] = terms[-1] * remainder(step.slope)
+        period = product(terms, period, degree)
     turned, inverse = [form * term for term in period], form.inv()
     total = [term - inverse * other.transpose() for term, other in zip(period, turned, strict=True)]
     found = [term + term.transpose() for term in turned]
     for zero in piece.separators:
-        found = _product(found, [total[0] - unit * arb(zero), *total[1:]], degree)
+        found = product(found, [total[0] - unit * arb(zero), *total[1:]], degree)
     return _definite_throughout([term * (1 if found[0][0, 0] > 0 else -1) for term in found])
-
-
-def _remainder(slope: arb_mat) -> arb_mat:
-    """All exp(u z B), 0 <= u <= 1, |z| <= 1."""
-    m, radius = slope.nrows(), (_size(slope).exp() - 1).abs_upper()
-    return exact(np.eye(m)) + arb_mat(m, m, [arb(0, radius)] * (m * m))
-
-
-def _product(a: list[arb_mat], b: list[arb_mat], degree: int) -> list[arb_mat]:
-    """Multiply two polynomials on [-1, 1]; terms of higher degree are added to the last coefficient."""
-    found = [0 * a[0]] * (min(degree, len(a) + len(b) - 2) + 1)
-    for i, left in enumerate(a):
-        for j, right in enumerate(b):
-            term = left * right if i + j <= degree else left * right * arb(0, 1)
-            found[min(i + j, degree)] = found[min(i + j, degree)] + term
-    return found
 
 
 def _definite_throughout(terms: list[arb_mat]) -> bool:
@@ -183,18 +196,3 @@ def _definite_throughout(terms: list[arb_mat]) -> bool:
         if not all(2 * row[i] > sum(map(abs, row), arb(0)) for i, row in enumerate(turned)):
             return False
     return True
-
-
-def _size(matrix: arb_mat) -> arb:
-    """The norm that is the root of the sum of squares, from above."""
-    return (matrix.transpose() * matrix).trace().sqrt().upper()
-
-
-def exact(matrix: Array) -> arb_mat:
-    """Doubles as they are."""
-    return arb_mat(matrix.tolist())
-
-
-def near(matrix: arb_mat) -> Array:
-    """Doubles near the midpoints."""
-    return np.array([float(value) for value in matrix.entries()]).reshape(matrix.nrows(), matrix.ncols())

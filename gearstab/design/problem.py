@@ -12,6 +12,7 @@ from gearstab.config import Axis, Config
 from gearstab.config.sections.design import Design, DesignVariable, SpeedRange
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.errors import NotPossible
+from gearstab.support import whirls
 from gearstab.system import Array, GearSystem
 from gearstab.systems.base import System
 
@@ -68,9 +69,16 @@ class DesignProblem:
 
     @cached_property
     def dear(self) -> bool:
-        """Whether judging a design takes steady states, a hundred times as long as anything else."""
+        """Whether judging a design takes steady states or regions of motions that whirl: a hundred times as long as
+        anything else.
+        """
         wanted = {name for weights in self.design.objectives for name in weights}
-        return "load_factor" in wanted | {limit.name for limit in self.design.limits}
+        return self.whirling or "load_factor" in wanted | {limit.name for limit in self.design.limits}
+
+    @cached_property
+    def whirling(self) -> bool:
+        """Whether motions of the given design are no real modes, so that first order takes as long as exact search."""
+        return whirls(self.config.system.build())
 
     @cached_property
     def given(self) -> Array:

@@ -39,7 +39,8 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "frequency_range": _frequency_range(config),
         "unit": "" if "time" in system.dimensionless else "rad/s",
         "per_unit": 1.0,
-        "meshes": [_mesh(system, i, orders) for i in range(len(system.meshes))],
+        "meshes": [_mesh(system, i, orders) for i in range(len(system.whole_meshes))],
+        "faults": periods.faults(system, orders),
         "common_period": periods.common_period(system),
         "frequencies": periods.frequencies(config, system),
         **_modes(system),
@@ -109,10 +110,11 @@ def _modes(system: GearSystem) -> dict[str, Any]:
     from gearstab.modal import mesh_energy_shares, modal_damping_ratios, significant_deflection
     from gearstab.perturbation.multiple_scales import partitions
     from gearstab.symmetry import deflection_types, natural_modes, type_names
+    from gearstab.system import of_wholes
 
     modes = natural_modes(system)
-    names = [mesh.name for mesh in system.meshes]
-    ratios, shares = modal_damping_ratios(system, modes), mesh_energy_shares(system, modes)
+    names = [mesh.name for mesh in system.whole_meshes]
+    ratios, shares = modal_damping_ratios(system, modes), of_wholes(mesh_energy_shares(system, modes), system.wholes)
     kinds, turns = type_names(system, modes), deflection_types(system, modes)
     deflection = np.where(significant_deflection(modes), modes.mesh_deflection, 0.0)
     listed = [
@@ -168,12 +170,13 @@ def _existence(system: GearSystem, found: dict[str, Any]) -> dict[str, Any]:
     apply.
 
     ``types`` of a tongue are the T of all modes that share its two frequencies; ``allowed`` whether the rule holds for
-    any pair of them.
+    any pair of them. Motions that are no real modes have no rule: their numbers go with the mesh frequency.
     """
     from gearstab.perturbation.multiple_scales import partitions
+    from gearstab.support import whirls
     from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step
 
-    step = phase_step(system)
+    step = None if whirls(system) else phase_step(system)
     if step is None:
         return {"existence_rule": None, **found}
     order = system.symmetries[0].order

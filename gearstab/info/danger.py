@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gearstab.info.tables import label_text, meshes_text, table
 from gearstab.perturbation.tongues import SELF_EXCITED
-from gearstab.support import ANY_LINEAR, unsupported
+from gearstab.support import ANY_LINEAR, WHIRLING, unsupported, whirls
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -41,7 +41,7 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
         unit = axis.typed_units or unit
         teeth = axis.mesh_frequency.factor
         scale = teeth * (scale_of(axis.typed_units, axis.units) if axis.typed_units else 1.0)
-    refused = unsupported(system, ANY_LINEAR)
+    refused = unsupported(system, ANY_LINEAR | WHIRLING)
     return {
         "axis": "mesh frequency" if axis is None else axis.long_name,
         "unit": unit,
@@ -59,20 +59,22 @@ def judged(config: Config, system: GearSystem, low: float, high: float, harmonic
     ``verified`` tells whether they were decided, which takes a common period that is not too long; ``scanned``, at how
     many speeds of the range growth rates were looked at besides, and ``unstable_share``, the part of these at which
     they are positive; ``refuted``, how many remedies of first order failed; ``not_judged``, the modes of which first
-    order knows nothing, as their mean stiffness is not positive.
+    order knows nothing, as their mean stiffness is not positive; ``without_remedies``, whether none are known: the
+    rules for them go by real modes.
     """
     from gearstab.info import verified
     from gearstab.perturbation.ranking import rank
 
     found = rank(system, low, high, harmonics, MOST, MOST)
-    step, width = planets_step(system), high - low
+    whirling, width = whirls(system), high - low
+    step = None if whirling else planets_step(system)
     decided = _decided(system, found, low, high) if verified.decidable(system) else None
     if decided is None:
         opened, closest, looked = [_region(config, system, r, width, step) for r in found.open], found.closest, None
         count = found.opened
     else:
         rows, closest, looked = decided
-        tried = MOST if verified.effort(system) <= verified.CHEAP else verified.FEW
+        tried = 0 if whirling else MOST if verified.effort(system) <= verified.CHEAP else verified.FEW
         opened = [_open(config, system, *row, (low, high), step, k < tried) for k, row in enumerate(rows[:MOST])]
         count = max(found.opened - len(found.open), 0) + len(rows)
     return {
@@ -80,7 +82,8 @@ def judged(config: Config, system: GearSystem, low: float, high: float, harmonic
         "verified": decided is not None,
         "scanned": 0 if looked is None else len(looked.omega),
         "unstable_share": None if looked is None else float(looked.unstable.mean()),
-        "not_judged": _not_judged(system),
+        "not_judged": [] if whirling else _not_judged(system),
+        "without_remedies": whirling,
         "open": opened,
         "closest": [_region(config, system, region, width, step) for region in closest[:NEAREST]],
         "number_open": count,
@@ -98,15 +101,17 @@ def _decided(
     """
     from gearstab.floquet.general.mean import mean_motions
     from gearstab.info import verified
-    from gearstab.perturbation.remedies import strength
 
     rows: list[tuple[OpenRegion, Tongue, Resonance | None]] = []
     closed: list[RankedRegion] = []
     # Where the mean system grows by itself, no tongue is what makes a speed dangerous.
-    alone = bool(mean_motions(system).unstable.any())
+    whirling = whirls(system)
+    alone = not whirling and bool(mean_motions(system).unstable.any())
     for region in () if alone else (*found.open, *found.closest):
-        half = strength(region.amplitudes.coupling) / region.tongue.frequency_ratio
-        near = verified.regions(system, *verified.window(system, region.tongue, half))
+        root = region.center if whirling else None
+        near = verified.whole_regions(
+            system, region.tongue, *verified.window(system, region.tongue, region.half_width, root)
+        )
         if near is None:
             return None
         own = [item for item in near if any(verified.same(t, region.tongue) for t in item.tongues)]
@@ -154,14 +159,17 @@ def _region(
 ) -> dict[str, Any]:
     """A region as first order has it."""
     tongue, found = region.tongue, region.amplitudes
+    remedies = (
+        {} if found is None else {"damping_ratio": found.damping_ratio} | _advice(config, system, tongue, found, step)
+    )
     return _named(tongue) | {
         "boundary_frequency": None if region.lower != region.lower else [region.lower, region.upper],
         "endless": region.endless,
         "share_of_range": region.inside / width if width < float("inf") and width > 0 else None,
-        "center_frequency": sum(found.frequencies) / tongue.frequency_ratio,
-        "growth_rate": found.growth_rate,
+        "center_frequency": region.center,
+        "growth_rate": None if found is None else found.growth_rate,
         "threshold": region.threshold,
-        "closed_by": {"damping_ratio": found.damping_ratio} | _advice(config, system, tongue, found, step),
+        "closed_by": remedies,
     }
 
 
@@ -274,7 +282,7 @@ def _advice(
 def _alike(system: GearSystem, meshes: Any) -> dict[str, list[int]]:
     """Numbers of the meshes of the system by what describes them: an entry of the configuration, or part of a set."""
     found: dict[str, list[int]] = {}
-    for i, mesh in enumerate(system.meshes):
+    for i, mesh in enumerate(system.whole_meshes):
         name = mesh.name if mesh.name in _places(meshes) else mesh.name.rstrip("0123456789").rstrip(".")
         found.setdefault(name, []).append(i)
     return found
@@ -331,7 +339,11 @@ def text(found: dict[str, Any], unstable: bool = False) -> str:
         sure = "" if found["verified"] else " to first order, not verified"
         if columns:
             lines.append(f"Any one of the last columns closes a region{sure}, or leaves the part of it in brackets.")
-        if any(not region["closed_by"] and region["kind"] != SELF_EXCITED for region in found["open"]):
+        if found["without_remedies"]:
+            lines.append(
+                "What would close them is not proposed: the rules for it go by real modes, which do not whirl."
+            )
+        elif any(not region["closed_by"] and region["kind"] != SELF_EXCITED for region in found["open"]):
             lines.append("Remedies were tried for the first regions only.")
         if found["number_open"] > len(found["open"]):
             lines.append(f"and {found['number_open'] - len(found['open'])} narrower ones, to first order.")
@@ -361,7 +373,7 @@ def _row(region: dict[str, Any], scale: float) -> list[str]:
     edges, share = region["boundary_frequency"], region["share_of_range"]
     mesh = meshes_text(region["mesh"].split("+"))
     mesh = mesh if mesh.count(",") < 2 else "several"
-    growth = f"{region['growth_rate']:.4g}"
+    growth = "-" if region["growth_rate"] is None else f"{region['growth_rate']:.4g}"
     ends = [f"{edge / scale:.6g}" for edge in edges]
     if region["endless"]:
         ends = ["(no end)", "(no end)"]
@@ -405,5 +417,8 @@ CLOSED_BY: dict[str, Callable[[dict[str, Any]], str]] = {
 
 def _next(region: dict[str, Any], scale: float, unit: str) -> str:
     where = f"{region['center_frequency'] / scale:.6g} {unit}".strip()
-    opens = f"opens, to first order, at epsilon x {region['threshold']:.3g} or with a damping ratio below"
-    return f"{label_text(region['label'])} at {where} {opens} {region['closed_by']['damping_ratio']:.3g}."
+    ratio = region["closed_by"].get("damping_ratio")
+    less = "" if ratio is None else f" or with a damping ratio below {ratio:.3g}"
+    return (
+        f"{label_text(region['label'])} at {where} opens, to first order, at epsilon x {region['threshold']:.3g}{less}."
+    )

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gearstab.info.tables import columns
+from gearstab.results.read import branches_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
 MEASURE = "transmission_error_rms"
+PLACE = "branch", "point"
 RPM = "rpm"
 
 
@@ -24,7 +26,7 @@ def jumps(tree: xr.DataTree) -> list[dict[str, Any]]:
     from gearstab.config.model.units import scale
     from gearstab.results.display import FACTOR, SHOWN_SCALE, SPEEDS
 
-    data = tree["branches"].to_dataset()
+    data = branches_of(tree)
     own = "branch_value" in data
     axis = tree[str(data.attrs["over"])] if own else next(tree[name] for name in SPEEDS if name in tree.coords)
     factor, unit = float(axis.attrs.get(SHOWN_SCALE if own else FACTOR, 1.0)), str(axis.attrs.get("units", "1"))
@@ -33,15 +35,16 @@ def jumps(tree: xr.DataTree) -> list[dict[str, Any]]:
     found = []
     for index in np.argwhere(data["jump"].values != 0):
         row = dict(zip(map(str, data["jump"].dims), map(int, index), strict=True))
-        one = data.isel({name: k for name, k in row.items() if name != "point"})
-        here, landing = one.isel(point=row["point"]), int(one["landing"].values[row["point"]])
+        one = data.isel({name: k for name, k in row.items() if name not in PLACE})
+        here = one.isel({name: row[name] for name in PLACE})
+        landing = {name: int(here[f"landing_{name}"]) for name in PLACE}
         before = here[MEASURE].values
-        after = None if landing < 0 else one[MEASURE].isel(point=landing).values
+        after = None if landing["branch"] < 0 else one[MEASURE].isel(landing).values
         mesh = int(np.argmax(before if after is None else np.abs(after - before)))
-        axes = [name for name in row if name in data.coords and name != "point"]
+        axes = [name for name in row if name in data.coords and name not in PLACE]
         found.append({
             "at": {name: data[name].values[row[name]].item() for name in axes},
-            "of": str(axis.name), "value": float(here["branch_value" if own else "branch_frequency"]) / factor,
+            "of": str(axis.name), "value": float(here["branch_value" if own else "mesh_frequency"]) / factor,
             "unit": "" if unit == "1" else unit,
             "direction": "rising" if int(here["jump"]) > 0 else "falling",
             "mesh": str(data["mesh"].values[mesh]), "before": float(before[mesh]),

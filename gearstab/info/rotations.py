@@ -91,24 +91,30 @@ def verdict(facts: dict[str, Any]) -> list[str]:
     return lines
 
 
+def rows(own: dict[str, Any], ends: list[str], unit: str, per_unit: float = 1.0) -> tuple[list[str], list[list[str]]]:
+    """Return heading and rows of the table of motions at both ends of a range.
+
+    own: of :func:`facts`. ends: both speeds as text. unit: of frequencies, as a heading has it. per_unit: what they are
+    divided by.
+    """
+    header, columns = ["motion"], []
+    for k, end in enumerate(ends):
+        header += [f"at {end}{unit}", "damping ratio", "whirl"]
+        columns.append([f"{over(w, per_unit):.6g}" for w in own["natural_frequency"][k]])
+        columns.append(["-" if ratio is None else f"{ratio + 0.0:.4g}" for ratio in own["damping_ratio"][k]])
+        columns.append([SENSES[sense] for sense in own["whirl"][k]])
+    return header, [[str(k), *row] for k, row in enumerate(zip(*columns, strict=True), 1)]
+
+
 def text(facts: dict[str, Any]) -> list[str]:
     """Return the table of natural frequencies at both ends of the range, none without one."""
     own, shown, unit = facts["rotations"], facts["dangerous"], facts["unit"]
     if not own:
         return []
-    first, last = (f"{end / shown['scale']:.6g} {shown['unit']}".strip() for end in own["range"])
-    header = ["motion", f"at {first}" + (f" ({unit})" if unit else ""), "damping ratio", "whirl"]
-    header += [f"at {last}" + (f" ({unit})" if unit else ""), "damping ratio", "whirl"]
-    columns: list[list[str]] = []
-    for end in range(2):
-        ratios = own["damping_ratio"][end]
-        columns.append([f"{over(w, facts['per_unit']):.6g}" for w in own["natural_frequency"][end]])
-        columns.append(["-" if ratio is None else f"{ratio + 0.0:.4g}" for ratio in ratios])
-        columns.append([SENSES[sense] for sense in own["whirl"][end]])
-    rows = [[str(k), *row] for k, row in enumerate(zip(*columns, strict=True), 1)]
+    ends = [f"{end / shown['scale']:.6g} {shown['unit']}".strip() for end in own["range"]]
     lines = [
         f"These modes are of the system at rest. With what acts with its speeds of rotation, over the {shown['axis']}:",
-        table(header, rows),
+        table(*rows(own, ends, f" ({unit})" if unit else "", facts["per_unit"])),
     ]
     if own["size"] is not None and own["size"] < SMALL:
         lines.append(f"What acts with the speeds W is negligible: 2 W/w_1 is {own['size']:.2g} at most.")

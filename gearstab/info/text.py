@@ -120,7 +120,8 @@ def _mesh_table(facts: dict[str, Any]) -> str:
     rows = [
         [_text(mesh[key]) for key in keys] + [_text(level) for level in mesh["stiffness"]] for mesh in facts["meshes"]
     ]
-    return table([*header, "highest"], rows)
+    found = table([*header, "highest"], rows)
+    return f"{found}\n\n{periods.weak_teeth(facts['faults'])}" if facts["faults"] else found
 
 
 def _train(facts: dict[str, Any]) -> str:

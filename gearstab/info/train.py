@@ -41,7 +41,7 @@ def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
     from gearstab.systems.gearbox.loads import torques
 
     loaded = system.load is not None
-    forces = np.abs(static_mesh_force(system)) if loaded else np.full(len(system.meshes), np.nan)
+    forces = np.abs(static_mesh_force(system)) if loaded else np.full(len(system.whole_meshes), np.nan)
     speed = train.p.input.speed
     applied = {rotor: float(value) for rotor, value in torques(train).items()}
     return {

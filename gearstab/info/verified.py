@@ -37,6 +37,8 @@ SPEEDS, INSIDE = 1001, 33
 """Speeds of the range, and within a region, at which growth rates are computed."""
 LONGER = (1.0, 1.02, 1.1, 1.3, 2.0)
 """Factors on the estimate of a damping ratio that are tried."""
+WIDENINGS = 4
+"""How often the mesh frequencies between which a region is looked for are moved apart at most."""
 MOST_SHIFT = 0.3
 """Part of its frequency within which a tongue is looked for at most."""
 
@@ -66,28 +68,41 @@ def effort(system: GearSystem) -> float:
     return np.inf if period is None else float(period.segments * (2 * system.size) ** 3)
 
 
-def window(system: GearSystem, tongue: Tongue, half_width: float) -> tuple[float, float]:
+def window(system: GearSystem, tongue: Tongue, half_width: float, center: float | None = None) -> tuple[float, float]:
     """Return the mesh frequencies within which the region of a tongue is looked for.
 
-    half_width: of first order without damping. The second order moves a tongue by up to about epsilon^2/4 of its
-    frequency, and the means of periodic terms by what they do to the frequencies of its modes.
+    half_width: of first order without damping. center: its root, given where its motions are no real modes. The second
+    order moves a tongue by up to about epsilon^2/4 of its frequency, and the means of periodic terms by what they do to
+    the frequencies of its modes.
     """
     modes = [tongue.mode_p - 1, tongue.mode_q - 1]
     natural = natural_modes(system).natural_frequency[modes]
     total = natural[1] - natural[0] if tongue.difference else natural.sum()
-    center = float(total) / tongue.frequency_ratio
+    at = float(total) / tongue.frequency_ratio if center is None else center
     epsilon = max(float(mesh.epsilon) for mesh in system.meshes)
-    moved = 0.25 * epsilon**2 * center + 2 * half_width
-    if (whole := frequencies_beyond_modes(system)) is not None:
+    moved = 0.25 * epsilon**2 * at + 2 * half_width
+    if center is None and (whole := frequencies_beyond_modes(system)) is not None:
         moved += float(np.abs(whole[0, modes] - natural).sum()) / tongue.frequency_ratio
-    moved = min(moved, MOST_SHIFT * center)
-    return center - moved, center + moved
+    moved = min(moved, MOST_SHIFT * at)
+    return at - moved, at + moved
 
 
 def regions(system: GearSystem, low: float, high: float) -> list[OpenRegion] | None:
     """Return the exact regions between two mesh frequencies; None where some stable stretch is not decided."""
     found, undecided = _search(system, low, high)
     return found if undecided <= GAP * high else None
+
+
+def whole_regions(system: GearSystem, tongue: Tongue, low: float, high: float) -> list[OpenRegion] | None:
+    """Return the same, between mesh frequencies moved apart until they cut no region of a tongue, WIDENINGS times."""
+    for _ in range(WIDENINGS):
+        found, away = regions(system, low, high), 0.5 * (high - low)
+        own = [item for item in found or () if any(same(t, tongue) for t in item.tongues)]
+        below, above = any(item.lower <= low for item in own), any(item.upper >= high for item in own)
+        if not (below or above):
+            break
+        low, high = max(low - below * away, 0.5 * low), high + above * away
+    return found
 
 
 def _search(system: GearSystem, low: float, high: float) -> tuple[list[OpenRegion], float]:

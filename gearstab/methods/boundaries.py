@@ -116,8 +116,6 @@ class BoundaryAnalysis(TongueMethod, Restricted):
         self.check_modes()
         if self.options.certificate:
             check_certificate(self, "" if self.options.modes is None else "modes")
-            no_form = dict.fromkeys((Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION), "remove it")
-            self.require({Feature.PERIODIC_TERMS}, no_form, ("certificate",))
 
     def report(self) -> Mapping[str, Any]:
         """Return what of the system was solved."""

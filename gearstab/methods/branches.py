@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, PrivateAttr
 
 from gearstab.config.model.axes import SPEEDS, Axis, replaced
-from gearstab.config.model.fields import Flag, Quantity, Section, Whole
+from gearstab.config.model.fields import Quantity, Section, Whole
 from gearstab.methods.base import POINTS, RANGE, Method, OptionError, Outcome
+from gearstab.response.branches.motions import MOST_BRANCHES
 from gearstab.results.variables import GRID, ROWS, Variable, flagged
 from gearstab.results.variables.responses import BRANCHES
 from gearstab.system import Array, Feature, GearSystem
@@ -29,16 +30,20 @@ class BranchesOptions(Section):
 
     over: str | None = None
     """Axis of numbers of the sweep along which motions are followed; default the mesh frequency."""
-    starts: list[float] | None = Field(default=None, min_length=1, max_length=1000)
-    """Values of the axis at which motions are looked for by running on; default five over the range."""
-    states: Annotated[int, Field(ge=1, le=1000), Whole] = Field(default=1, title="initial states")
-    """At each start: the static equilibrium, and random ones that may lead to isolated branches."""
+    start: list[Literal["linear", "rest", "random"]] = Field(default=["linear", "rest"], min_length=1)
+    """Where branches begin: the linear motion, what the static equilibrium or random states settle to."""
+    at: list[float] | None = Field(default=None, min_length=1, max_length=1000)
+    """Values of the axis at which motions are looked for; default five over the range."""
+    states: Annotated[int, Field(ge=1, le=1000), Whole] = 1
+    """Random initial states at each value, with start: [random]."""
     seed: Annotated[int, Field(ge=0), Whole] = 0
     """Of the random states."""
     cycles: Annotated[float, Field(gt=0, le=1e6), Quantity()] = 200.0
     """Of the first mesh, that a motion is given to settle (1)."""
-    switch: Flag = False
-    """Whether branches that leave at period doublings and branch points are followed too."""
+    period_doubling: Literal["mark", "follow"] = "mark"
+    """Whether branches of twice the period that leave at period doublings are followed too."""
+    branch_point: Literal["mark", "follow"] = "mark"
+    """Whether those that leave at branch points are followed, too."""
     points: Annotated[int, Field(ge=10, le=100_000), Whole] = 1000
     """Motions of all branches of a system together, at most."""
     longest_step: Annotated[float, Field(gt=0, le=1), Quantity()] = 0.05
@@ -71,6 +76,8 @@ class BranchAnalysis(Method):
     relief = "narrow the range of mesh_frequency, or ask for fewer points"
     STARTS: ClassVar[int] = 5
     """Mesh frequencies at which motions are looked for, if not said otherwise."""
+    ROWS: ClassVar[int] = 1
+    """The least number of branches that results have room for."""
 
     @classmethod
     def on(cls, options: BranchesOptions, system: GearSystem) -> Method:
@@ -98,10 +105,14 @@ class BranchAnalysis(Method):
 
         return flagged(BRANCHES, BRANCH_FLAGS)
 
+    def attributes(self) -> dict[str, Any]:
+        return super().attributes() | {"start": " ".join(self.options.start)}
+
     def constants(self) -> Mapping[str, Any]:
         return {
             "point": np.arange(1, self.options.points + 1),
             "multiplier": np.arange(1, 2 * self.system.size + 1),
+            "branch": np.arange(self.ROWS),
             "mesh": [mesh.name for mesh in self.system.meshes],
         }
 
@@ -110,21 +121,24 @@ class BranchAnalysis(Method):
 
         low, high = (float(end) for end in mesh_frequency)
         found = self.followed(SectionMap(self.system), low, high)
-        return Outcome({name: values[None] for name, values in found.items()})
+        # Of one row; branches come first.
+        return Outcome({name: values[:, None] for name, values in found.items()})
 
     def followed(self, laps: SectionMap, low: float, high: float) -> dict[str, Array]:
         """Return the branches of a system within a range, by variable."""
-        from gearstab.response.branches.continuation import StepLimits
+        from gearstab.response.branches.continuation import BRANCHING, DOUBLING, StepLimits
         from gearstab.response.branches.solve import BranchSearch, Starts
         from gearstab.response.branches.table import table
 
         own = self.options
-        values = np.linspace(low, high, self.STARTS) if own.starts is None else np.clip(own.starts, low, high)
+        values = np.linspace(low, high, self.STARTS) if own.at is None else np.clip(own.at, low, high)
         limits = StepLimits(low, high, own.points, longest=own.longest_step, largest=own.largest)
-        starts = Starts(tuple(values.tolist()), own.states, own.cycles, own.seed)
-        search = BranchSearch(laps, limits, own.switch)
+        starts = Starts(tuple(values.tolist()), tuple(own.start), own.states, own.cycles, own.seed)
+        wanted = {DOUBLING: own.period_doubling, BRANCHING: own.branch_point}
+        search = BranchSearch(laps, limits, frozenset(kind for kind, word in wanted.items() if word == "follow"))
         search.run(starts)
-        return dict(vars(table(search, own.points, 2 * self.system.size, len(self.system.meshes))))
+        found = table(search, self.ROWS, own.points, 2 * self.system.size, len(self.system.meshes))
+        return dict(vars(found))
 
     @property
     def fewest(self) -> int:
@@ -152,6 +166,7 @@ class AxisBranches(BranchAnalysis):
     """The same along another axis, at every mesh frequency; the results do not stand over that axis."""
 
     frequency = POINTS
+    ROWS = MOST_BRANCHES
     section: System
 
     @property
@@ -160,10 +175,11 @@ class AxisBranches(BranchAnalysis):
 
     def variables(self) -> tuple[Variable, ...]:
         axis = self.options.axis
-        own = Variable("branch_value", (GRID, "point"), "f8", axis.units, axis.long_name)
+        own = Variable("branch_value", ("branch", ROWS, "point"), "f8", axis.units, axis.long_name)
+        # Over all axes, in their order, and then over branches.
         return tuple(
-            own if v.name == "branch_frequency" else replace(v, dims=tuple(GRID if d == ROWS else d for d in v.dims))
-            for v in super().variables()
+            v if ROWS not in v.dims else replace(v, dims=(GRID, "branch", *v.dims[2:]))
+            for v in (own if v.name == "mesh_frequency" else v for v in super().variables())
         )
 
     def made_of(self, section: System) -> Method:
@@ -188,5 +204,5 @@ class AxisBranches(BranchAnalysis):
         found = []
         for omega in mesh_frequency.tolist():
             found.append(self.followed(SectionMap(self.at(low), along=self.at, omega=omega), low, high))
-            found[-1]["branch_value"] = found[-1].pop("branch_frequency")
+            found[-1]["branch_value"] = found[-1].pop("mesh_frequency")
         return Outcome({name: np.stack([one[name] for one in found])[None] for name in found[0]})

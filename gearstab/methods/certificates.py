@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
+import numpy as np
+
 from gearstab.methods.base import Method, OptionError
 from gearstab.system import Feature
 
@@ -23,6 +25,8 @@ def check_certificate(method: Method, restricted: str) -> None:
         message, remedy = "needs mesh frequencies with a common period", "give exact ratios, or remove it"
     elif not method.system.piecewise_constant:
         message, remedy = "needs a system that is constant between jumps", "take rectangular waves, or remove it"
+    elif any(not term.held and np.any(term.softening) for turn in method.system.rotations for term in turn.terms()):
+        message, remedy = "needs springs that do not give way under centrifugal forces", "hold the speed, or remove it"
     else:
         return
     raise OptionError(("certificate",), message, remedy)

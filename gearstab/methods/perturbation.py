@@ -12,7 +12,7 @@ from pydantic import Field
 from gearstab.config.model.fields import Choice, Section, Whole
 from gearstab.methods.base import FEWEST, Key, OptionError, Outcome, TongueMethod
 from gearstab.results.variables import FIRST_ORDER, SECOND_ORDER, TONGUE, Variable, flagged
-from gearstab.support import ANY_LINEAR
+from gearstab.support import ANY_LINEAR, WHIRLING, whirls
 from gearstab.system import Array, Feature
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class TonguePerturbation(TongueMethod):
     def cost(self) -> float:
         # Differences besides sums, and both directions of every coupling.
         own = 4.0 * self.system.size**2 * self.options.harmonics * (4 if self.system.terms else 1)
-        if not self.system.features & {Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION}:
+        if not whirls(self.system):
             return own
         # Natural frequencies at hundreds of speeds, and some ten more for each root.
         return (600 + 10 * own) * (2.0 * self.system.size) ** 3 / 100
@@ -73,7 +73,7 @@ class Perturbation(TonguePerturbation):
 
     name = "perturbation"
     Options = PerturbationOptions
-    supports = ANY_LINEAR | {Feature.UNSYMMETRIC_DAMPING, Feature.ROTATION}
+    supports = ANY_LINEAR | WHIRLING
 
     @property
     def fewest(self) -> int:

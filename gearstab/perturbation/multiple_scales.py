@@ -15,7 +15,8 @@ from gearstab.perturbation.tongues import ParametricExcitation, Tongue, Tongues,
 from gearstab.perturbation.unsymmetric import decaying
 from gearstab.perturbation.unsymmetric import groups as unsymmetric_groups
 from gearstab.perturbation.whirling import whirling_rows
-from gearstab.system import Array, Feature, GearSystem
+from gearstab.support import whirls
+from gearstab.system import Array, GearSystem
 
 EQUAL_FREQUENCY = 1e-8
 """Natural frequencies that differ by less than this part count as equal. An eigensolver splits a repeated frequency by
@@ -95,7 +96,7 @@ def first_order(
     Source: Lin & Parker 2002, (13)-(18), (26), (27), (30), (31); Parker 2009, (21)-(23), in the form that adds shared
     frequencies and does not depend on the basis of repeated modes.
     """
-    if system.features & {Feature.ROTATION, Feature.UNSYMMETRIC_DAMPING}:
+    if whirls(system):
         return _whirling(system, (*excitations(system, harmonics), *further), modes)
     modal = modal_rows(system)
     if modes is None:

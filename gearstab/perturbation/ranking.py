@@ -9,14 +9,15 @@ import numpy as np
 
 from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation.multiple_scales import first_order, modal_rows
-from gearstab.perturbation.remedies import Resonance, resonance
+from gearstab.perturbation.remedies import Resonance, resonance, strength
 from gearstab.perturbation.tongues import Tongue, Tongues
+from gearstab.support import whirls
 from gearstab.system import Array, GearSystem
 
 HIGHEST = 20
 """Harmonics that are looked at: the widths of regions of rectangular waves, which fall slowest, fall as s^-2."""
-MOST_TONGUES = 40_000
-"""Most tongues that are looked at."""
+MOST_TONGUES, MOST_WHIRLING = 40_000, 1_000
+"""Most tongues that are looked at; and of motions that are no real modes, each of which is an eigenproblem."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class RankedRegion:
     """A tongue that meets the range. lower, upper: its ends, of mesh frequency; inside: the width in the range.
 
     Where one mode of two is undamped first order has no ends: then they are those without damping, and ``endless``.
-    threshold: factor on every epsilon at which it opens, 0 without damping. amplitudes: in its middle.
+    threshold: factor on every epsilon at which it opens, 0 without damping. center, half_width: without damping, where
+    its motions are real modes. amplitudes: in its middle, of real modes; None of others.
     """
 
     tongue: Tongue
@@ -33,7 +35,9 @@ class RankedRegion:
     inside: float
     endless: bool
     threshold: float
-    amplitudes: Resonance
+    center: float
+    half_width: float
+    amplitudes: Resonance | None
 
 
 @dataclass(frozen=True)
@@ -58,26 +62,31 @@ def rank(system: GearSystem, low: float, high: float, harmonics: int, most: int 
 
     harmonics: at least; more are looked at as far as MOST_TONGUES allows. most, nearest: lengths of the two lists.
     """
-    system = replace(system, terms=())
-    modes = _excited(system)
+    system, whirling = replace(system, terms=()), whirls(system)
+    modes = list(range(1, system.size + 1)) if whirling else _excited(system)
     pairs = max(len(modes) * (len(modes) + 1) // 2 * len(set(system.frequency_ratios)), 1)
-    harmonics = max(harmonics, min(HIGHEST, MOST_TONGUES // pairs))
+    harmonics = max(harmonics, min(HIGHEST, (MOST_WHIRLING if whirling else MOST_TONGUES) // pairs))
     found = first_order(system, harmonics, modes)
     lower, upper, endless = _ends(system, found, harmonics, modes)
     inside = np.clip(np.minimum(upper, high) - np.maximum(lower, low), 0.0, None)
     centred = (found.center_frequency >= low) & (found.center_frequency <= high)
     inside = np.nan_to_num(inside)
     closed = centred & (found.half_width == 0) & (found.threshold > 0) & np.isfinite(found.threshold)
-    modal = modal_rows(system)
+    modal = None if whirling else modal_rows(system)
+
+    def region(k: int) -> RankedRegion:
+        own = None if modal is None else resonance(system, found.index[k], modal)
+        center, half = float(found.center_frequency[k]), float(found.half_width[k])
+        if own is not None:
+            ratio = found.index[k].frequency_ratio
+            center, half = sum(own.frequencies) / ratio, strength(own.coupling) / ratio
+        return RankedRegion(
+            found.index[k], float(lower[k]), float(upper[k]), float(inside[k]), bool(endless[k]),
+            float(found.threshold[k]), center, half, own,
+        )  # fmt: skip
 
     def regions(order: Array, count: int) -> tuple[RankedRegion, ...]:
-        return tuple(
-            RankedRegion(
-                found.index[k], float(lower[k]), float(upper[k]), float(inside[k]), bool(endless[k]),
-                float(found.threshold[k]), resonance(system, found.index[k], modal),
-            )
-            for k in order[:count]
-        )  # fmt: skip
+        return tuple(region(int(k)) for k in order[:count])
 
     opened, shut = np.flatnonzero(inside > 0), np.flatnonzero(closed)
     return Ranking(

@@ -121,9 +121,15 @@ def excitations(system: GearSystem, harmonics: int) -> tuple[ParametricExcitatio
     """Every nu = s r_i Omega with s <= ``harmonics`` for some mesh or term i, each once, with *all* its mesh harmonics.
 
     A mesh whose own harmonic number exceeds ``harmonics`` still contributes to a frequency that another mesh
-    brings in: leaving it out would give that tongue a wrong width.
+    brings in: leaving it out would give that tongue a wrong width. A weak tooth brings in the first lines of its shaft
+    and as many beside every harmonic of its mesh: the others are as many as the gear has teeth.
     """
     found = dict.fromkeys(s * r for r in system.frequency_ratios for s in range(1, harmonics + 1))
+    ratios = {mesh.name: mesh.frequency_ratio for mesh in system.meshes}
+    for part in (mesh for mesh in system.meshes if mesh.part_of):
+        whole, side = ratios[part.part_of], range(-harmonics, harmonics + 1)
+        lines = (s * whole + n * part.frequency_ratio for s in range(1, harmonics + 1) for n in side)
+        found |= dict.fromkeys(nu for nu in lines if nu > 0)
     return tuple(ParametricExcitation(nu, sharing(system, nu)) for nu in found)
 
 

@@ -114,10 +114,11 @@ class MeanRow:
         found = np.full((3, len(wanted)), np.nan)
         step = max(1, ENTRIES_AT_ONCE // max(1, self.form.size**2))
         there = np.flatnonzero(np.isfinite(root))
+        parts = {id(force): self._harmonics(force) for force, *_ in wanted}
         for begin in range(0, len(there), step):
             part = there[begin : begin + step]
             for k, motions in zip(part, self._motions(root[part]), strict=True):
-                found[:, k] = self._tongue(wanted[k], root[k], motions)
+                found[:, k] = self._tongue(wanted[k], parts[id(wanted[k][0])], root[k], motions)
         missing = np.isnan(found[2])
         root = np.where(missing, np.nan, root)
         middle, half, threshold = found
@@ -180,7 +181,10 @@ class MeanRow:
             _Pairing.of(*own, self.form.rate, self.system.size) for own in zip(values, right, left, slope, strict=True)
         ]
 
-    def _tongue(self, one: Wanted, root: float, motions: _Pairing) -> tuple[float, float, float]:
+    @staticmethod
+    def _tongue(
+        one: Wanted, parts: list[tuple[complex, Array]], root: float, motions: _Pairing
+    ) -> tuple[float, float, float]:
         """(middle, half-width, threshold) in Omega; NaN where another pair of the same frequencies carries it."""
         force, p, q, difference = one
         P, Q = motions.group(p - 1), motions.group(q - 1)
@@ -189,7 +193,6 @@ class MeanRow:
         if difference:
             P, Q = Q, P
         rate = float(force.ratio) - (motions.slope(P) + (-1 if difference else 1) * motions.slope(Q))
-        parts = self._harmonics(force)
         there, size = motions.coupling(P, Q, parts, not difference)
         back, size_back = motions.coupling(Q, P, parts, not difference, conjugate=True)
         shift, half, threshold = _resonance(

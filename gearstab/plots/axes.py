@@ -29,7 +29,7 @@ Array = np.ndarray
 
 INNER = (
     "tongue", "side", "stretch", "piece", "entry", "exponent", "mesh", "parameter", "mode", "dof", "point",
-    "multiplier",
+    "multiplier", "branch", "bearing", "shaft", "mesh_order",
 )  # fmt: skip
 """Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 

@@ -84,7 +84,7 @@ class Equation:
         varying = self.drive.varying(np.broadcast_to(at, (len(self.edges), len(at))))[0]
         stiffness, _, others = self.drive.split(varying)
         exerted = others @ self.drive.exerted.T
-        # A mesh without stiffness at a moment exerts nothing.
+        # A mesh without stiffness at a moment, or a weak tooth that does not carry, exerts nothing.
         errors = exerted / np.where(exerted == 0, 1.0, stiffness)
         return stiffness, self.drive.z(part) @ self.drive.errors[0].T + errors
 

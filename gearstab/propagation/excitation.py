@@ -36,6 +36,7 @@ class Excitation:
     errors, slopes: ``(rows, meshes, L)``: e_i = errors z, de_i/dt = Omega slopes z.
     directions: ``(rows, meshes, n)``, g_i;  dampings: ``(rows, meshes)``, c_i.
     others: ``(rows, n, F)``, directions of the forces that are no Fourier series.
+    wholes: ``(meshes, meshes)``, of the system, for :func:`gearstab.system.of_wholes`.
     exerted: ``(meshes, F)``, 1 where the teeth of a mesh exert such a force, else 0.
     """
 
@@ -50,6 +51,7 @@ class Excitation:
     directions: Array
     dampings: Array
     others: Array
+    wholes: Array | None
     exerted: Array
 
     def subset(self, index: Array) -> Excitation:
@@ -98,9 +100,9 @@ class Excitation:
 
 def excitation(system: GearSystem) -> Excitation:
     """The excitation of all rows. Raises ValueError without a common period."""
-    cycles, counts = shared_period(system.frequency_ratios + [force.frequency_ratio for force in system.forces])
+    cycles, counts = shared_period(system.all_ratios)
     meshes, own = counts[: len(system.meshes)], counts[: len(system.frequency_ratios)]
-    driven = list(zip(system.forces, counts[len(own) :], strict=True))
+    driven = list(zip(system.forces, counts[len(own) :], strict=False))
     shaped = [(force, count) for force, count in driven if not isinstance(force.profile, Fourier)]
     varying = sources(system, own) + tuple(
         Source(force.profile, count, np.asarray(force.lag, dtype=float), np.zeros(()), np.ones(()))
@@ -108,9 +110,16 @@ def excitation(system: GearSystem) -> Excitation:
     )
     exact = system.piecewise_constant and all(force.profile.piecewise_constant for force, _ in shaped)
     waves = [(force.profile, count, force.lag) for force, count in driven if isinstance(force.profile, Fourier)]
-    errors = [(mesh.transmission_error, count, mesh.lag) for mesh, count in zip(system.meshes, meshes, strict=True)]
+    errors = [
+        (i, mesh.transmission_error, count, mesh.lag)
+        for i, (mesh, count) in enumerate(zip(system.meshes, meshes, strict=True))
+        if mesh.transmission_error is not None
+    ]
+    revolutions = [(i, error) for i, mesh in enumerate(system.meshes) for error in mesh.revolution_errors]
+    last = counts[len(own) + len(driven) :]
+    errors += [(i, one.profile, count, one.lag) for (i, one), count in zip(revolutions, last, strict=True)]
     harmonics = np.unique([
-        count * s for profile, count, _ in (*waves, *errors) if profile is not None
+        count * s for profile, count, _ in (*waves, *(error[1:] for error in errors))
         for s in range(1, np.shape(profile.sin)[-1] + 1)
     ]).astype(int)  # fmt: skip
     rows, width = system.rows, 1 + 2 * len(harmonics)
@@ -122,9 +131,12 @@ def excitation(system: GearSystem) -> Excitation:
             series = _series(system, force.profile, count, force.lag, harmonics)
             fixed += system.flat(force.direction, 1)[:, :, None] * series[:, None]
     table = np.zeros((rows, len(meshes), width))
-    for i, (profile, count, lag) in enumerate(errors):
-        if profile is not None:
-            table[:, i] = _series(system, profile, count, lag, harmonics)
+    for i, profile, count, lag in errors:
+        table[:, i] += _series(system, profile, count, lag, harmonics)
+    names = [mesh.name for mesh in system.meshes]
+    for i, mesh in enumerate(system.meshes):
+        if mesh.part_of:  # it is stretched as the whole mesh is
+            table[:, i] = table[:, names.index(mesh.part_of)]
     return Excitation(
         cycles=float(cycles), counts=meshes, schedule=divided(Functions(varying, system.batch)), exact=exact,
         harmonics=harmonics,
@@ -133,6 +145,7 @@ def excitation(system: GearSystem) -> Excitation:
         dampings=np.stack([system.flat(mesh.damping, 0) for mesh in system.meshes], axis=1),
         others=np.stack([system.flat(force.direction, 1) for force, _ in shaped], axis=-1)
         if shaped else np.zeros((rows, system.size, 0)),
+        wholes=system.wholes,
         exerted=np.array([[float(force.mesh == mesh.name) for force, _ in shaped] for mesh in system.meshes]),
     )  # fmt: skip
 

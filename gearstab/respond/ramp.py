@@ -53,7 +53,7 @@ def response(config: Config, wanted: Respond, system: GearSystem) -> tuple[RampR
         "momentary_mesh_frequency": found.mesh_frequency,
         "dof": list(system.coordinates),
         "dof_units": list(system.coordinate_units),
-        "mesh": [mesh.name for mesh in system.meshes],
+        "mesh": [mesh.name for mesh in system.whole_meshes],
         "status": found.flags,
     }  # fmt: skip
     if system.load is not None:
@@ -61,7 +61,8 @@ def response(config: Config, wanted: Respond, system: GearSystem) -> tuple[RampR
     said: dict[str, Any] = {"comment": "run-up or coast-down, without the rigid-body motion and what accelerates it"}
     sounds = waterfall(system, found)
     if sounds is not None:
-        said |= {"window": sounds.width, "frequency_ratios": [float(mesh.frequency_ratio) for mesh in system.meshes]}
+        ratios = [float(mesh.frequency_ratio) for mesh in system.whole_meshes]
+        said |= {"window": sounds.width, "frequency_ratios": ratios}
         said["comment"] += f"; window: length of the windows of the spectrogram{in_brackets(system, 's')}"
         values |= {
             wanted.axis.key: sounds.mesh_frequency / wanted.axis.factor,

@@ -11,7 +11,7 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.config.document.codes import Code
 from gearstab.errors import NotPossible
-from gearstab.respond import effort, ramp, tooth_loads
+from gearstab.respond import effort, loads, ramp, tooth_loads
 from gearstab.response import (
     RESPONSE_FLAGS,
     backlash,
@@ -122,8 +122,7 @@ def _duration(wanted: Respond, system: GearSystem) -> float:
     if wanted.duration is not None:
         return wanted.duration
     if wanted.steady_state:
-        ratios = system.frequency_ratios + [force.frequency_ratio for force in system.forces]
-        return shared_period(ratios)[1][0] * _period(wanted, system)
+        return shared_period(system.all_ratios)[1][0] * _period(wanted, system)
     return (wanted.cycles or 0.0) * _period(wanted, system)
 
 
@@ -154,14 +153,14 @@ def _linear_result(config: Config, wanted: Respond, system: GearSystem, found: R
     values = {name: getattr(found, name)[:kept] for name in HISTORIES}
     if found.drift is not None:
         values["mean_velocity"] = found.drift
-    loads = tooth_loads.values(config, wanted, system, found)
-    table = flagged((*RESPONSE, *(TOOTH_LOADS if loads else ())), RESPONSE_FLAGS)
+    teeth = tooth_loads.values(config, wanted, system, found)
+    table = flagged((*RESPONSE, *(TOOTH_LOADS if teeth else ())), RESPONSE_FLAGS)
     kind = "periodic steady state" if wanted.steady_state else "driven response" if system.forced else "free response"
     comment = (
         f"{kind}; growth_rate: largest real part of the characteristic exponents{in_brackets(system, '1/s')}; "
         f"largest_multiplier: growth over a common_period{in_brackets(system, 's')} of all that varies and drives"
     )
-    return _tree(config, wanted, system, found, table, values | loads, {"comment": comment})
+    return _tree(config, wanted, system, found, table, values | teeth, {"comment": comment})
 
 
 def _backlash_result(config: Config, wanted: Respond, system: GearSystem, found: BacklashResponse) -> ResultTree:
@@ -200,16 +199,19 @@ def _tree(
     common: dict[str, Any] = {
         "dof": list(system.coordinates),
         "dof_units": list(system.coordinate_units),
-        "mesh": [mesh.name for mesh in system.meshes],
+        "mesh": [mesh.name for mesh in system.whole_meshes],
         "status": found.flags,
     }
     if system.load is not None:
         common["static_mesh_force"] = static_mesh_force(system)
     said = ("status", "mesh_frequency", "common_period", "growth_rate", "largest_multiplier")
     cycles = config.system.cycles_of_input()
-    table = with_orders(in_units_of(system, table), None if cycles is None else found.mesh_frequency / cycles)
-    fields = fields_of(table, {**common, **values, **_spectral(wanted, system, found)})
-    group = Group(fields, {**{name: getattr(found, name) for name in said}, **attributes})
+    table = with_orders(
+        (*in_units_of(system, table), *loads.table(system)), None if cycles is None else found.mesh_frequency / cycles
+    )
+    fields = fields_of(table, {**common, **loads.values(system, values), **values, **_spectral(wanted, system, found)})
+    shafts = weak_shafts(system)
+    group = Group(fields, {**{name: getattr(found, name) for name in said}, **attributes, **shafts})
     root = Group((), root_attributes(RESPOND, config))
     return ResultTree(root, {"modes": modes_group(system), "response": group})
 
@@ -235,4 +237,22 @@ def _named(spectra: Spectra, what: str, system: GearSystem) -> dict[str, Any]:
         "peak_mesh": [system.meshes[i].name for i in mesh],
         "peak_frequency": spectra.frequency[index],
         f"peak_{what}": spectra.force[index, mesh],
+    }
+
+
+def weak_shafts(system: GearSystem) -> dict[str, Any]:
+    """Attributes of a system with weak teeth or errors of a revolution.
+
+    Their meshes and names, how many teeth their gears have, and frequencies of the shafts over Omega.
+    """
+    parts = [(mesh.part_of, mesh.name, mesh.frequency_ratio) for mesh in system.meshes if mesh.part_of]
+    parts += [(mesh.name, one.name, one.frequency_ratio) for mesh in system.meshes for one in mesh.revolution_errors]
+    if not parts:
+        return {}
+    ratios = {mesh.name: mesh.frequency_ratio for mesh in system.meshes}
+    return {
+        "weak_meshes": "\n".join(mesh for mesh, _, _ in parts),
+        "weak_teeth": "\n".join(name for _, name, _ in parts),
+        "weak_counts": [round(ratios[mesh] / ratio) for mesh, _, ratio in parts],
+        "weak_ratios": [float(ratio) for _, _, ratio in parts],
     }

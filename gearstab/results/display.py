@@ -35,7 +35,7 @@ RATIOS = "frequency_ratios"
 """Attribute of a group: frequency of each mesh over the mesh frequency, that of the first one."""
 OF_MESH = (
     "boundary_frequency", "first_order_boundary_frequency", "boundary_error", "center_frequency", "half_width",
-    "proved_frequency", "branch_frequency", "certificate_frequency",
+    "proved_frequency", "certificate_frequency",
 )  # fmt: skip
 """Variables that are mesh frequencies, or distances of them."""
 SI = "SI"

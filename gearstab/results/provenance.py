@@ -75,10 +75,10 @@ def modes_group(system: GearSystem) -> Group:
         "mode": np.arange(1, system.size + 1),
         "dof": coordinate_names(system),
         "dof_units": list(system.coordinate_units),
-        "mesh": [mesh.name for mesh in system.meshes],
+        "mesh": [mesh.name for mesh in system.whole_meshes],
         **frequencies,
         "mode_shape": np.swapaxes(modes.shapes, -1, -2),
-        "mesh_deflection": modes.mesh_deflection,
+        "mesh_deflection": modes.mesh_deflection[..., : len(system.whole_meshes)],
         "mode_type": type_names(system, modes),
     }
     if system.symmetries:
@@ -86,7 +86,7 @@ def modes_group(system: GearSystem) -> Group:
     part = "symmetric mean system, with the frequencies of the whole one," if beyond else "mean system"
     said = {
         "comment": f"modes of the {part} at the base values of the configuration",
-        RATIOS: [float(mesh.frequency_ratio) for mesh in system.meshes],
+        RATIOS: [float(mesh.frequency_ratio) for mesh in system.whole_meshes],
     }
     return Group(fields_of(in_units_of(system, table), values), {**said, **system.drawing})
 

@@ -220,3 +220,16 @@ def _blocks(item: h5py.Dataset) -> int:
     if item.chunks is None or item.ndim < 2 or item.chunks[0] != 1:
         return 1
     return max(1, prod(ceil(n / c) for n, c in zip(item.shape[1:], item.chunks[1:], strict=True)))
+
+
+def branches_of(tree: xr.DataTree) -> xr.Dataset:
+    """Return the group ``branches`` with the axes over which it stands, as a dataset that can be cut.
+
+    Its ``mesh_frequency`` has the name of an axis of the sweep, which groups inherit. Raises ResultError for one of an
+    older layout.
+    """
+    own = tree.children["branches"].to_dataset(inherit=False)
+    if "branch_frequency" in own or "kind" in own:
+        raise ResultError("its branches were written by an older gearstab, in another layout: run the sweep again")
+    own = own.reset_coords([name for name, item in own.coords.items() if item.ndim > 1])
+    return own.assign_coords({name: tree.coords[name] for name in own.dims if name in tree.coords})

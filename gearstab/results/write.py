@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 COMPRESSED_FROM = 1 << 16
 """Arrays of more bytes than this are compressed."""
+COMPLEX = "complex"
+"""Name of the type of complex numbers in the root of a file."""
 OF_THE_VARIABLES_TYPE = ("flag_values", "flag_masks")
 """Attributes that the conventions want in the type of their variable."""
 
@@ -71,11 +73,11 @@ def _group(node: xr.DataTree) -> Group:
 
 
 def _variable(path: str, data: xr.DataArray) -> Variable:
-    if data.dtype.kind not in "fiuOUST":
+    if data.dtype.kind not in "fciuOUST":
         raise ResultError(f"{path}: {data.name} has the type {data.dtype}; a result holds numbers and texts")
     said = _storable(f"{path}: {data.name}", data.attrs)
     units, words = str(said.pop("units", "1")), str(said.pop("long_name", data.name))
-    dtype = data.dtype.str[1:] if data.dtype.kind in "fiu" else TEXT
+    dtype = data.dtype.str[1:] if data.dtype.kind in "fciu" else TEXT
     dims = tuple(str(dim) for dim in data.dims)
     return Variable(str(data.name), dims, dtype, units, words, said, str(data.name) in data.coords)
 
@@ -166,23 +168,31 @@ def _create(target: h5py.Group, item: Field) -> h5py.Dataset:
     name = item.variable.name
     if item.variable.dtype == TEXT:
         return target.create_dataset(name, data=item.array(), dtype=h5py.string_dtype("utf-8"))
-    packed = {**FILTER, "fillvalue": item.variable.fill}
+    packed = {**FILTER, "fillvalue": np.asarray(item.variable.fill, item.variable.dtype)}
+    dtype = _stored(target.file, np.dtype(item.variable.dtype))
     if not isinstance(item.values, Chunked):
         values = item.array()
         options = packed if values.nbytes > COMPRESSED_FROM else {}
-        return target.create_dataset(name, data=values, dtype=values.dtype, **options)
+        return target.create_dataset(name, data=values, dtype=dtype, **options)
     if item.values.shape == ():
         # One number, which HDF5 does not divide.
         ((_, data),) = item.values.pieces()
         return target.create_dataset(name, data=decode(octets(data), (), item.variable.dtype))
     if not prod(item.values.shape):
-        return target.create_dataset(name, shape=item.values.shape, dtype=item.variable.dtype)
-    dataset = target.create_dataset(
-        name, shape=item.values.shape, dtype=item.variable.dtype, chunks=item.values.chunk, **packed
-    )
+        return target.create_dataset(name, shape=item.values.shape, dtype=dtype)
+    dataset = target.create_dataset(name, shape=item.values.shape, dtype=dtype, chunks=item.values.chunk, **packed)
     for offset, data in item.values.pieces():
         dataset.id.write_direct_chunk(offset, octets(data))
     return dataset
+
+
+def _stored(file: h5py.File, dtype: np.dtype[Any]) -> Any:
+    """Return the type as the file has it: that of complex numbers, pairs r and i, by a name, as netCDF asks for."""
+    if dtype.kind != "c":
+        return dtype
+    if COMPLEX not in file:
+        file[COMPLEX] = dtype
+    return file[COMPLEX]
 
 
 def _write_attributes(target: Any, attributes: Mapping[str, Any]) -> None:

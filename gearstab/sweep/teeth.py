@@ -36,7 +36,7 @@ def over_grid(config: Config, row_axes: tuple[Axis, ...], base: GearSystem) -> T
     from gearstab.systems.gearbox.feasibility import GEOMETRY, notice_flags
 
     axes = tuple(axis for axis in row_axes if any(item.path[-1] in GEOMETRY for item in axis.assignments))
-    meshes = tuple(mesh.name for mesh in base.meshes)
+    meshes = tuple(mesh.name for mesh in base.whole_meshes)
     shape = tuple(axis.size for axis in axes)
     index = np.indices(shape).reshape(len(shape), prod(shape))
     rows = dict(zip((axis.name for axis in axes), index, strict=True))

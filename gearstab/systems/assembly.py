@@ -6,7 +6,7 @@ kind of system lists its coordinates and elements, and every number may have a b
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.connections import Connection, MachineElement
 from gearstab.system import Array, GearSystem, Mesh
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import with_forcing
@@ -70,12 +71,17 @@ class Coordinates:
 
 @dataclass(frozen=True)
 class Element:
-    """A mass, a spring and a damper that act along one row r: m (r q')^2/2, k (r q)^2/2 and c (r q')^2/2."""
+    """A mass, a spring and a damper that act along one row r: m (r q')^2/2, k (r q)^2/2 and c (r q')^2/2.
+
+    name: of the bearing or shaft that spring and damper are, "" for what nobody asks the force of. part: which of both.
+    """
 
     row: Row
     mass: Any = 0.0
     stiffness: Any = 0.0
     damping: Any = 0.0
+    name: str = ""
+    part: MachineElement = MachineElement.BEARING
 
 
 @dataclass(frozen=True)
@@ -109,6 +115,15 @@ class Assembly:
         parts = [(element.row, getattr(element, what)) for element in self.elements]
         return self.coordinates.stamped([(row, value) for row, value in parts if np.any(value)])
 
+    def _connections(self) -> Iterator[Connection]:
+        """Yield the named springs that there are: with a row, and stiff in some row of the batch."""
+        for item in self.elements:
+            if not item.name or not item.row or not np.any(item.stiffness):
+                continue
+            turns = all(self.coordinates.units[name] == "rad" for name in item.row)
+            k, c = (np.asarray(value, dtype=float) for value in (item.stiffness, item.damping))
+            yield Connection(item.name, item.part, self.coordinates.vector(item.row), k, c, "N m" if turns else "N")
+
     def system(self, p: Any, load: Row | None = None, **more: Any) -> GearSystem:
         """Return the system with the damping and forces of the section ``p``. load: constant forces; more: fields."""
         place = self.coordinates
@@ -117,7 +132,7 @@ class Assembly:
         p = p.model_copy(update=update)
         bare = GearSystem(
             self.matrix("mass"), self.matrix("stiffness"), meshes, coordinates=tuple(place.units),
-            units=tuple(place.units.values()), **more,
+            units=tuple(place.units.values()), connections=tuple(self._connections()), **more,
         )  # fmt: skip
         system, held = with_damping(bare, p), self.matrix("damping")
         if np.any(held):

@@ -13,6 +13,7 @@ from gearstab.config.document.tree import sequence
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, wrong_length
 from gearstab.config.model.fields import ExactRatio, Mass, Quantity, Teeth
+from gearstab.connections import MachineElement
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
 from gearstab.systems.base import START_MESH, Start, System, first_number
@@ -95,7 +96,9 @@ class TwoStage(System):
         first, second = self.meshes
         phasing = np.asarray(second.phasing, dtype=float)
         elements = [Element({x: 1.0}, mass=mass) for x, mass in zip(COORDINATES, self.inertias, strict=True)]
-        elements.append(Element({"x1": 1.0}, stiffness=self.input_shaft_stiffness))
+        elements.append(
+            Element({"x1": 1.0}, stiffness=self.input_shaft_stiffness, name="input shaft", part=MachineElement.SHAFT)
+        )
         meshes = (
             MeshElement(first, {"x1": 1.0, "x2": 1.0}),
             MeshElement(second, {"x2": 1.0, "x3": 1.0}, 1 / self.tooth_ratio, -phasing),

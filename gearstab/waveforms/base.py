@@ -109,6 +109,11 @@ class Waveform:
         return dict(zip(cls.columns, columns, strict=True))
 
     @classmethod
+    def measured(cls, columns: Array) -> tuple[Array, Array, str]:
+        """Return which rows of a file count, in order, their phases, and what is doubtful about them."""
+        return np.arange(columns.shape[-1]), columns[list(cls.columns).index("phase")], ""
+
+    @classmethod
     def wrong_samples(cls, columns: Sequence[Sequence[float]], interpolation: str) -> WrongSample | None:
         """Return what is wrong with the columns of a file."""
         return cls.wrong_phase(columns[0], interpolation)
@@ -138,6 +143,14 @@ class Waveform:
     def fourier(self, order: int) -> tuple[Array, Array]:
         """Return (a_s, b_s) of w(x) = sum_s a_s sin 2 pi s x + b_s cos 2 pi s x."""
         raise NotImplementedError
+
+    def levels(self) -> Array:
+        """Return ``(..., L)``, the values of a wave that is piecewise constant; here the least and the greatest."""
+        return np.stack(np.broadcast_arrays(*self.extremes()), axis=-1)
+
+    def level_at(self, x: Array) -> Array:
+        """Return which of :meth:`levels` the wave has at the phase x: here the greatest where it is positive."""
+        return (self.value(x) > 0).astype(np.int64)
 
     @property
     def stiffer_level(self) -> Array:

@@ -18,6 +18,7 @@ from gearstab.waveforms.phase import wrapped
 from gearstab.waveforms.samples import (
     FileKeys,
     SampleKeys,
+    in_one_period,
     missing_source,
     sample_conflicts,
     wrong_number,
@@ -68,6 +69,10 @@ class Sampled(OfStiffness):
     @classmethod
     def has_own_mean(cls, section: Any) -> bool:
         return True
+
+    @classmethod
+    def measured(cls, columns: Array) -> tuple[Array, Array, str]:
+        return in_one_period(columns)
 
     @classmethod
     def wrong_phase(cls, phase: Sequence[float], interpolation: str) -> WrongSample | None:

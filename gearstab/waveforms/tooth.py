@@ -54,11 +54,18 @@ class Piecewise:
         """The edges; that of an empty last piece is the end of the period, phase 0."""
         return wrapped(self.edges)
 
+    def piece(self, x: Array) -> Array:
+        """Return the number of the piece at the phase x, which broadcasts against the batch."""
+        phase = wrapped(x)
+        shape = np.broadcast_shapes(phase.shape, self.batch)
+        found: Array = np.sum(np.broadcast_to(phase, shape)[..., None] >= np.asarray(self.edges), axis=-1) - 1
+        return found
+
     def value(self, x: Array) -> Array:
         phase, edges, coefficients = wrapped(x), np.asarray(self.edges), np.asarray(self.coefficients)
         shape = np.broadcast_shapes(phase.shape, self.batch)
         phase = np.broadcast_to(phase, shape)
-        piece = np.sum(phase[..., None] >= edges, axis=-1)[..., None] - 1
+        piece = self.piece(phase)[..., None]
 
         def chosen(values: Array) -> Array:
             return np.take_along_axis(np.broadcast_to(values, (*shape, values.shape[-1])), piece, axis=-1)[..., 0]
@@ -249,3 +256,11 @@ class Tooth(OfStiffness):
 
     def stiffness_harmonic(self, order: int) -> tuple[Array, Array]:
         return self.stiffness.fourier(order)
+
+    def levels(self) -> Array:
+        low, high = self.stiffness_range
+        size = np.where(high > low, high - low, 1.0)
+        return (self.stiffness.coefficients[..., 0] - self.mean_stiffness[..., None]) / np.asarray(size)[..., None]
+
+    def level_at(self, x: Array) -> Array:
+        return self.stiffness.piece(x)

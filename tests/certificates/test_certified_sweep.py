@@ -231,3 +231,41 @@ def test_python_flint_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     done = ran("sweep", written(tmp_path, CASE))
     assert done.exit_code == 2
     assert "gearstab[verify]" in done.stderr
+
+
+SHAFT = """\
+title: A shaft whose damping turns with it
+system:
+  kind: matrices
+  mass: [[1, 0], [0, 1]]
+  stiffness: [[0.4, 0], [0, 1.4]]
+  damping: {matrix: [[0.04, 0], [0, 0.04]]}
+  rotation:
+    SPEED
+    gyroscopic: [[0, -0.2], [0.2, 0]]
+    circulatory: [[0, 0.3], [-0.3, 0]]
+    centripetal: [[-0.01, 0], [0, -0.01]]
+  meshes:
+    - {name: mesh, direction: [1, 0], mean_stiffness: 0.6, epsilon: 0.3, contact_ratio: 1.4}
+sweep:
+  mesh_frequency: {start: 1.2, stop: 4.0, num: 8}
+methods:
+  boundaries: {certificate: true}
+  floquet: {certificate: true}
+"""
+"""At low speeds unstable in tongues only, at high ones by itself."""
+
+
+@pytest.mark.parametrize("speed", ["speed: 0.05", "speed: 4.0", 'speed_ratio: "1/15"'])
+def test_systems_with_speeds_of_rotation_are_proved_as_they_turn(tmp_path: Path, speed: str) -> None:
+    found = result_of(tmp_path, SHAFT.replace("SPEED", speed), "boundaries")
+    assert found["certified_share"] > 0.999
+    with open_result(tmp_path / "case.h5") as tree:
+        points = tree["floquet"].to_dataset().load()
+    stable, ends = points["stable"].values, found["certificate_frequency"].values
+    assert (points["certified"] == 1).all()
+    assert set(stable.tolist()) == {"speed: 4.0": {0}}.get(speed, {0, 1})
+    for at, own in zip(points["mesh_frequency"].values, stable.tolist(), strict=True):
+        (inside,) = np.nonzero((ends[:, 0] <= at) & (at <= ends[:, 1]))
+        assert all((found["certificate"].values[inside, 0] == 0) == own)
+    assert ran("verify", tmp_path / "case.h5").exit_code == 0

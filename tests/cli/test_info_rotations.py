@@ -10,11 +10,15 @@ import numpy as np
 import pytest
 
 from gearstab.config import load
+from gearstab.floquet import solve
 from gearstab.info.configuration import describe
 from gearstab.info.text import report
 
 ROTORS = json.loads((Path(__file__).parents[1] / "data" / "rotation" / "rotors.json").read_text())
 RATIO = 20
+SPINNING = Path(__file__).parents[2] / "configs" / "spinning"
+NEAR = 1e-4
+"""Distance of a speed from an edge, of the speed, at which growth tells the side: edges are exact to 1e-7."""
 
 
 def rotor(rotation: dict[str, Any], damping: float, stiffness: list[float], mass: float, speeds: Any) -> Any:
@@ -66,3 +70,25 @@ def test_a_held_speed_has_the_motions_of_its_own() -> None:
     expected = np.sqrt(np.sort(np.roots([1.0, -(5.0 + 36.0), 4.0])))
     np.testing.assert_allclose(facts["mean_system"]["frequency"], expected, rtol=1e-8)
     assert "held rotations" in report(facts)
+
+
+def test_dangerous_speeds_of_a_rotor_are_those_at_which_vibration_grows() -> None:
+    config = load(SPINNING / "rotor.yaml")
+    facts, system = describe(config), config.system.build()
+    found, (first, last) = facts["dangerous"], facts["frequency_range"]
+    ends = np.array([region["boundary_frequency"] for region in found["open"]])
+    assert "2w6" in {region["label"] for region in found["open"]}
+    assert found["number_open"] > len(found["open"]) >= 10
+    growth = solve(system, (ends[..., None] * [1 - NEAR, 1 + NEAR]).ravel()).growth_rate[0].reshape((*ends.shape, 2))
+    within = (ends > first) & (ends < last)
+    assert (growth[:, 0, 1][within[:, 0]] > 0).all()
+    assert (growth[:, 0, 0][within[:, 0]] <= 0).all()
+    assert (growth[:, 1, 0][within[:, 1]] > 0).all()
+    assert (growth[:, 1, 1][within[:, 1]] <= 0).all()
+    # The two regions that are not listed are narrower than all others.
+    omega = np.linspace(first, last, 20001)
+    grows = solve(system, omega).growth_rate[0] > 0
+    inside = ((omega >= ends[:, :1]) & (omega <= ends[:, 1:])).any(axis=0)
+    assert not (inside & ~grows)[np.abs(omega - ends.reshape(-1, 1)).min(axis=0) > NEAR * omega].any()
+    assert (grows & ~inside).mean() < 2 * np.diff(ends, axis=1).min() / (last - first)
+    assert "go by real modes" in report(facts)

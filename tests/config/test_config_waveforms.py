@@ -423,6 +423,13 @@ FILES = {
     "a comment": "# a tooth (spur), a test rig (soft)\n0,1\n0.3,3\n0.6,2\n# phase [deg], stiffness [N/um]",
     "columns by name": 'n;"Stiffness";Phase\n1;1;0\n2;3;0.3\n3;2;0.6\n',
     "blanks": "# of a mesh cycle\n\n0 1\n  0.3\t3 # here\n0.6 2",
+    "unsorted": "0.6,2\n0,1\n0.3,3\n",
+    "closing row": "0,1\n0.3,3\n0.6,2\n1,1\n",
+    "degrees closed": "phase [deg];stiffness [N/mm]\n0;1e-3\n108;3e-3\n216;2e-3\n360;1e-3\n",
+    "radians unsorted": "phase (rad),stiffness (N/um)\n3.769911184307752,2e-6\n0,1e-6\n1.8849555921538759,3e-6\n",
+    "line of units": "phase;stiffness\ndeg;N/mm\n\n0;1e-3\n108;3e-3\n216;2e-3\n",
+    "line of units in brackets": "phase;stiffness\n[fraction];[kN/m]\n0;1e-3\n0.3;3e-3\n0.6;2e-3\n",
+    "about zero": "phase [deg],stiffness\n-144,2\n0,1\n108,3\n216,2\n",
     "crlf": "0;1\r\n0.3;3\r\n0.6;2\r\n",
 }
 
@@ -433,6 +440,29 @@ def test_samples_from_a_text_file(name, tmp_path) -> None:
     # A unit is a factor, which may round.
     np.testing.assert_allclose(mesh.waveform.phase, [0, 0.3, 0.6], rtol=1e-15)
     np.testing.assert_allclose(mesh.waveform.stiffness, [1, 3, 2], rtol=1e-15)
+
+
+def test_the_drift_of_a_measured_table_is_told(tmp_path) -> None:
+    def doubts(content: str) -> list[str]:
+        (tmp_path / "k.csv").write_text(content)
+        config = load(written(tmp_path, "waveform: {kind: sampled, file: k.csv}"))
+        np.testing.assert_allclose(build(config.system).meshes[0].waveform.stiffness, [2e8, 3e8, 2.5e8], rtol=1e-12)
+        return [str(doubt) for doubt in config.doubts if "waveform" in doubt.path]
+
+    rows = "phase [deg],stiffness [N/um]\n216,250\n0,200\n108,300\n"
+    assert doubts(rows) == doubts(rows + "360,200\n") == doubts(rows + "360,200.0001\n") == []
+    (doubt,) = doubts(rows + "360,206\n")
+    assert "system.meshes.0.waveform.file: the stiffness drifts from 2e+08 to 2.06e+08 N/m (2.9 %)" in doubt
+    assert "the row that closes it is left out" in doubt
+
+
+def test_an_angle_of_the_shaft_is_doubted(tmp_path) -> None:
+    """A table over one tooth of 24, in degrees of the shaft, is no period of the mesh."""
+    rows = "\n".join(f"{15 * k / 10},{2 + (k > 4)}e8" for k in range(10))
+    (tmp_path / "k.csv").write_text(f"phase [deg],stiffness\n{rows}\n")
+    config = load(written(tmp_path, "waveform: {kind: sampled, file: k.csv}"))
+    (doubt,) = [str(doubt) for doubt in config.doubts if "waveform" in doubt.path]
+    assert "all samples lie within 3.75 % of the mesh period, of which 360 deg are one, not a turn of a gear" in doubt
 
 
 def test_samples_from_hdf5(tmp_path) -> None:
@@ -454,8 +484,9 @@ WRONG_FILES = {
     "word": ("0,1\n0.3,many\n", 'line 2: stiffness "many" is no finite number'),
     "nan": ("0,1\n0.3,nan\n", 'line 2: stiffness "nan" is no finite number'),
     "outside": ("phase,stiffness\n0,1\n1.2,3\n", "line 3: phase 1.2 is outside [0, 1)"),
-    "closed": ("0,1\n0.5,3\n1,1\n", "line 3: phase 1 is outside [0, 1)"),
-    "unsorted": ("0,1\n\n0.5,3\n0.2,1\n", "line 4: phase 0.2 is not above the one before"),
+    "closed and more": ("0,1\n1,1\n0.5,3\n1.1,2\n", "line 2: phase 1 is outside [0, 1)"),
+    "closed by one": ("0,1\n1,1\n", "has 1 sample"),
+    "unsorted twice": ("0,1\n\n0.5,3\n0.2,1\n0.5,1\n", "line 5: phase 0.5 is given twice"),
     "twice": ("0,1\n0.5,3\n0.5,1\n", "line 3: phase 0.5 is given twice"),
     "one column": ("1\n2\n", "line 1: has 1 column"),
     "three columns": ("0,1,2\n0.5,1,2\n", "line 1: has 3 columns"),
@@ -469,7 +500,8 @@ WRONG_FILES = {
     "comment of units": ("# angle [rad], k [N/m]\n0,1\n0.3,2\n", 'line 1: the header "angle [rad], k [N/m]" names no'),
     "few": ("0,1\n", "has 1 sample"),
     "empty": ("", "has 0 samples"),
-    "second header": ("phase,stiffness\nfraction,N/m\n0,1\n", 'line 2: phase "fraction" is no finite number'),
+    "second header": ("phase,stiffness\nturned,N/m\n0,1\n", 'line 2: phase "turned" is no finite number'),
+    "line of wrong units": ("phase,stiffness\ndeg,kg\n0,1\n", 'line 2: the header "stiffness [kg]" has the wrong'),
 }
 
 

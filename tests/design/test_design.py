@@ -321,3 +321,45 @@ def test_intervals_are_united() -> None:
 def test_planets_that_can_be_assembled(sun: int, planet: int, ring: int, count: int, fits: bool) -> None:
     teeth = {"sun": sun, "planet": planet, "ring": ring}
     assert section({"kind": "planetary", "planets": count, "teeth": teeth}).assembled() == fits
+
+
+WHIRLING = """\
+system:
+  kind: matrices
+  mass: [[1, 0], [0, 1]]
+  stiffness: [[1, 0], [0, 1.5]]
+  rotation: {speed_ratio: "1/3", gyroscopic: [[0, -0.5], [0.5, 0]]}
+  meshes: [{name: mesh, direction: [1, 0.7], mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.4}]
+design:
+  range: {mesh_frequency: [2.0, 4.5]}
+  variables: {meshes.mesh.contact_ratio: {values: [1.15, 1.3, 1.5]}}
+  minimise: instability_width
+"""
+
+
+def test_a_system_that_whirls_is_judged_at_its_speeds(tmp_path: Path) -> None:
+    """Against the part of the range that a raster of exact growth rates finds unstable."""
+    config = read(tmp_path, WHIRLING)
+    assert config.design is not None
+    problem = DesignProblem(config, config.design)
+    found = Judge(problem).worth(np.arange(3.0)[:, None]).objectives[:, 0]
+    omega = np.linspace(2.0, 4.5, 20001)
+    raster = []
+    for ratio in (1.15, 1.3, 1.5):
+        system = build(read(tmp_path, WHIRLING.replace("contact_ratio: 1.4", f"contact_ratio: {ratio}")).system)
+        raster.append(2.5 * float((solve(system, omega).growth_rate[0] > 0).mean()))
+    assert np.ptp(raster) > 0.1
+    # Every edge lies between two points of the raster; there are fewer than ten.
+    assert found == pytest.approx(raster, abs=10 * (omega[1] - omega[0]))
+
+
+def test_a_system_that_whirls_has_a_best_design(tmp_path: Path) -> None:
+    path = written(tmp_path, WHIRLING)
+    done = ran("design", path, "-o", tmp_path / "design.h5")
+    assert done.exit_code == 0, done.output
+    with open_result(tmp_path / "design.h5") as tree:
+        table = tree["design"].to_dataset().load()
+    assert float(table["objective_optimum"]) == pytest.approx(float(table["choice_objective"].min()), abs=1e-12)
+    refused = ran("design", written(tmp_path, WHIRLING.replace("instability_width", "required_damping")))
+    assert refused.exit_code == 2
+    assert "required_damping: does not support gyroscopic" in refused.output

@@ -203,6 +203,21 @@ def test_the_worst_speeds() -> None:
     assert contact._peaks(np.array([1.0])) == [0]
 
 
+def test_a_rotor_that_whirls() -> None:
+    """Its regions go with its speeds of rotation, and so do the numbers and damping ratios of motions."""
+    blocks = page(load(CONFIGS / "spinning" / "rotor.yaml"), lambda text: None).blocks
+    tables = {block.header[0]: block for block in blocks if isinstance(block, Table) and block.header[0]}
+    rows = {row[0]: row for row in tables["region"].rows}
+    assert rows["2w6"][6] == facts.OPEN
+    assert rows["w2+w6"][6] == facts.CLOSED
+    motions = tables["motion"].rows
+    assert len(motions) == 6
+    # That of wheel and pinion against each other hardly goes with the speed.
+    assert float(rows["2w6"][5]) == pytest.approx(float(motions[5][2]), rel=1e-2)
+    said = " ".join(block.text for block in blocks if isinstance(block, Text))
+    assert "the widest mode 2 self-excited" in said
+
+
 def test_mistakes(tmp_path: Path) -> None:
     source = written(tmp_path, TRAIN)
     assert ran("report", source, "-o", tmp_path / "page.html").exit_code == 2

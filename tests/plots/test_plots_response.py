@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import matplotlib.pyplot as plt
 import numpy as np
 import plot_results as made
 import pytest
 import xarray as xr
+from scenes import read
 
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
 from gearstab.plots.view import Request
+from gearstab.respond import respond
+from gearstab.results import open_result
 
 
 def test_curves_over_speed_show_every_mesh_and_the_unstable_range():
@@ -182,3 +188,37 @@ def test_a_history_that_grows_beyond_what_a_response_can_is_drawn():
     data["displacement"][-1, 0] = 1e199
     figure, _ = draw(xr.DataTree.from_dict({"/": tree.to_dataset(), "/response": data}), "response")
     assert 1e199 < figure.axes[0].get_ylim()[1] < np.inf
+
+
+WEAK = """\
+title: A weak tooth
+system:
+  kind: gearbox
+  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
+  rotors: [{name: a, teeth: 20, inertia: 1.0e-3}, {name: b, teeth: 33, inertia: 1.0e-2}]
+  meshes: [{name: mesh, gears: [a, b], damping_ratio: 0.05, faults: [{gear: b, factor: 0.6}]}]
+  input: {rotor: a, torque: 20.0}
+  outputs: [{rotor: b}]
+respond: {input_speed: "2000 rpm", steady_state: true}
+"""
+
+
+FAULT = "faults: [{gear: b, factor: 0.6}]"
+
+
+@pytest.mark.parametrize("own", [FAULT, "revolution_errors: [{gear: b, cos: [10 um]}]"])
+def test_sidebands_are_numbered_by_the_order_of_their_shaft(tmp_path: Path, own: str) -> None:
+    out = tmp_path / "weak.h5"
+    assert WEAK.count(FAULT) == 1
+    respond(read(tmp_path, WEAK.replace(FAULT, own)), out, None)
+    with open_result(out) as tree:
+        figure, artists = draw(tree, "spectrum", Request())
+        amplitude = tree["response"]["mesh_force_amplitude"].isel(mesh=0)
+        shaft = 2000 / 60 * 20 / 33 * 2 * np.pi
+        numbers = [(int(text.get_text()), *text.xy) for text in artists["sidebands"]]
+        assert 0 < len(numbers) <= 6
+        for order, x, y in numbers:
+            assert order % 33
+            assert x == pytest.approx(order * shaft, rel=1e-9)
+            assert y == pytest.approx(float(amplitude.sel(frequency=x, method="nearest")), rel=1e-9)
+        plt.close(figure)

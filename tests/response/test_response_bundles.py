@@ -44,7 +44,7 @@ def test_intervals_together_are_those_one_by_one(monkeypatch: pytest.MonkeyPatch
     _one_by_one(monkeypatch)
     alone = speed_response(system, OMEGA, samples_per_cycle=30)
     assert np.isfinite(together.mesh_force_peak).all()
-    for name in (field.name for field in fields(alone)):
+    for name in (field.name for field in fields(alone) if field.name != "connections"):
         _close(getattr(together, name), getattr(alone, name))
 
 

@@ -7,6 +7,7 @@ from fnmatch import fnmatch
 
 from scenes import DOCS
 
+from gearstab.connections import MachineElement
 from gearstab.floquet import STATUS_FLAGS
 from gearstab.floquet.required_damping import FLAGS as DAMPING_FLAGS
 from gearstab.passage import STATUS_FLAGS as PASSAGE_FLAGS
@@ -32,6 +33,9 @@ def declared() -> dict[str, Variable]:
         if name.isupper() and name not in OF_BENCH:
             entries = table if isinstance(table, tuple) else (table,)
             found |= {item.name: item for item in entries if isinstance(item, Variable)}
+    for part in MachineElement:
+        made = (*responses.connections(part.value, "N"), *responses.history_of_connections(part.value, "N"))
+        found |= {item.name: item for item in made}
     return found
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import gearstab as gs
 from gearstab.config import ConfigError
-from gearstab.errors import NotPossible
+from gearstab.errors import DoubtWarning, NotPossible
 from gearstab.waveforms import Sampled, TorqueTable
 
 TORQUES, PHASES = np.array([50.0, 100.0, 250.0]), np.array([0.1, 0.3, 0.45, 0.9])
@@ -95,6 +95,23 @@ def test_units_of_a_header_are_read(tmp_path: Path) -> None:
     known = table(175.0)
     np.testing.assert_allclose(mesh.waveform.phase, known.phase, rtol=1e-14)
     np.testing.assert_allclose(mesh.waveform.stiffness, known.stiffness, rtol=1e-14)
+
+
+def test_measured_rows_close_the_period_at_every_torque(tmp_path: Path) -> None:
+    rows = columns()
+    closing = rows[:, rows[1] == rows[1].min()] + np.array([[0], [1], [0]])
+    assert closing.shape[1] == len(np.unique(rows[0]))
+    closing[2, -1] *= 1.1
+    mixed = np.concatenate([rows, closing], axis=1)[:, ::-1]
+    (tmp_path / "k.csv").write_text("\n".join(",".join(map(repr, row.tolist())) for row in mixed.T))
+    source = tmp_path / "train.yaml"
+    source.write_text(train("{kind: table, file: k.csv, torque: 175}"))
+    # 1.1 times the first one: 1 - 1/1.1 of the larger one.
+    with pytest.warns(DoubtWarning, match=r"drifts .* \(9\.1 %\)"):
+        config = gs.load(source)
+    wave = gs.build(config).meshes[0].waveform
+    np.testing.assert_allclose(wave.phase, table(175.0).phase, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(wave.stiffness, table(175.0).stiffness, rtol=1e-15)
 
 
 TABLE = "{kind: table, file: k.csv, torque: 80}"

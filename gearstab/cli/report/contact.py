@@ -38,7 +38,7 @@ def separation(state: State) -> ToothContact | None:
     system = state.system
     if not system.forced:
         return None
-    several = len({*system.frequency_ratios, *(force.frequency_ratio for force in system.forces)}) > 1
+    several = len(set(system.all_ratios)) > 1
     strategy = state.strategy
     long = strategy.period is None or strategy.period.segments > AFFORDABLE
     bound = several and (long or strategy.name != COMMON_PERIOD)

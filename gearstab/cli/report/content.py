@@ -22,6 +22,12 @@ EXACT = (
     "are left out. What closes a region is proposed by first-order theory and listed where exact search confirms it, "
     "unless it is called not verified. Regions that damping closes are those of first order."
 )
+WHIRLING_EXACT = (
+    "Edges of open regions are exact for this model, to 1e-7 of the mesh frequency; regions narrower than 1e-5 of it "
+    "are left out. Modes are numbered by their frequency at the speed of a region, and damping ratios are those there. "
+    "What closes a region is not proposed: the rules for it go by modes that do not whirl. Regions that damping closes "
+    "are those of first order."
+)
 FIRST_ORDER = (
     "Regions, their edges and what closes them are those of first-order theory. A region counts as open where growth "
     "rates of Floquet theory, {strategy}, are positive in it or beside it."
@@ -67,7 +73,7 @@ def page(config: Config, say: Callable[[str], None], unit: str = "") -> Page:
     blocks += _contact(states, shown)
     say(STEPS[3])
     blocks += _uncertainty(config, states[0], shown)
-    blocks += _modes(states[0])
+    blocks += _modes(states[0], shown)
     blocks += [Heading("Assumptions and limits"), BulletList([_sureness(states[0]), *LIMITS])]
     blocks += _provenance(config)
     return Page(config.title, blocks)
@@ -89,12 +95,12 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     from dataclasses import replace
 
     from gearstab.design.reasons.tongues import single
-    from gearstab.support import unsupported
+    from gearstab.support import WHIRLING, unsupported
     from gearstab.system import Feature
 
     if solution is None:
         system = config.system.build()
-        if refused := unsupported(system, {Feature.PERIODIC_TERMS}):
+        if refused := unsupported(system, {Feature.PERIODIC_TERMS} | WHIRLING):
             raise NotPossible(f"a report {refused[0]}", refused[1])
         spans = _spans(config)
         return [facts.state_of("given", system, spans, config, facts.curve_speeds(spans))]
@@ -290,7 +296,11 @@ def _design(solution: Solution) -> Iterator[Block]:
 def _contact(states: Sequence[State], shown: ShownSpeeds) -> Iterator[Block]:
     yield Heading("Contact of the teeth")
     for state in states:
-        found = contact.separation(state)
+        try:
+            found = contact.separation(state)
+        except NotPossible as error:
+            yield Text(f"Loss of contact is not judged: {error}.")
+            return
         if found is None:
             words = "Nothing drives the system in the configuration, so that loss of contact is not judged"
             yield Text(f"{words}: give a load and transmission errors.")
@@ -323,11 +333,30 @@ def _uncertainty(config: Config, state: State, shown: ShownSpeeds) -> Iterator[B
     )
 
 
-def _modes(state: State) -> Iterator[Block]:
+def _whirling(state: State, shown: ShownSpeeds) -> Iterator[Block]:
+    """The motions of the mean system at both ends of the operating range, whose speeds of rotation they go with."""
+    from gearstab.info import rotations
+
+    ends = min(span.low for span in state.spans), max(span.high for span in state.spans)
+    own = rotations.facts(state.system, list(ends))
+    if own is None:
+        return
+    yield Heading("Natural frequencies of the given design")
+    yield Text(f"Damped ones of the mean system at both ends of the range, {shown.with_unit(*ends)}; whirl: the sense.")
+    header, rows = rotations.rows(own, [shown.with_unit(end) for end in ends], in_brackets(state.system, "rad/s"))
+    yield Table(header, rows[:MOST_MODES])
+    if len(rows) > MOST_MODES:
+        yield Text(f"and {len(rows) - MOST_MODES} more.")
+
+
+def _modes(state: State, shown: ShownSpeeds) -> Iterator[Block]:
     from gearstab.modal import modal_damping_ratios
     from gearstab.results.provenance import mode_frequencies
     from gearstab.symmetry import natural_modes, type_names
 
+    if any(rotation.speed_ratio is not None for rotation in state.system.rotations):
+        yield from _whirling(state, shown)
+        return
     modes = natural_modes(state.system)
     ratios, kinds = modal_damping_ratios(state.system, modes), type_names(state.system, modes)
     yield Heading("Natural frequencies of the given design")
@@ -356,8 +385,10 @@ MOST_MODES = 24
 
 def _sureness(state: State) -> str:
     """How sure the regions are."""
+    from gearstab.support import whirls
+
     if state.verified:
-        return EXACT
+        return WHIRLING_EXACT if whirls(state.system) else EXACT
     return FIRST_ORDER.format(strategy=state.strategy.reason.replace("_", " "))
 
 

@@ -21,6 +21,7 @@ from gearstab.floquet.boundaries.solve import BUDGET
 from gearstab.floquet.dispatch import in_modes, reduction
 from gearstab.floquet.frequencies.choice import Strategy
 from gearstab.floquet.frequencies.period import AFFORDABLE, common_period
+from gearstab.floquet.general.whirl import whirl_motions
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
 from gearstab.info.tables import label_text
@@ -28,6 +29,7 @@ from gearstab.methods.floquet import Floquet
 from gearstab.modal import modal_damping_ratios
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED
+from gearstab.support import whirls
 from gearstab.symmetry import natural_modes
 from gearstab.system import Array, GearSystem
 
@@ -227,7 +229,7 @@ def _reach(system: GearSystem, row: dict[str, Any], open_: bool) -> Reach:
     """A region as a row of :func:`gearstab.info.danger.judged` has it."""
     modes = row["mode_p"], row["mode_q"]
     closed = row["closed_by"]
-    ratios = modal_damping_ratios(system, natural_modes(system))
+    ratios = _damping_ratios(system, row["center_frequency"])
     available = NONE if row["kind"] == SELF_EXCITED else float(min(ratios[mode - 1] for mode in modes))
     edges = row["boundary_frequency"] if open_ else [row["center_frequency"]] * 2
     cells = {name: cell(closed) for name, cell in CLOSED_BY.items() if name != "damping ratio"}
@@ -235,6 +237,14 @@ def _reach(system: GearSystem, row: dict[str, Any], open_: bool) -> Reach:
     required = closed.get("damping_ratio") or NONE
     return Reach(row["label"], row["kind"], modes, edges[0], edges[1], required, available,
                  OPEN if open_ else CLOSED, words or "-")  # fmt: skip
+
+
+def _damping_ratios(system: GearSystem, omega: float) -> Array:
+    """``(n,)`` of the modes, of motions that are none of those at a mesh frequency, by their number there."""
+    if not whirls(system):
+        return modal_damping_ratios(system, natural_modes(system))
+    found = whirl_motions(system, np.array([omega]))
+    return np.asarray(found.damping_ratio[0, np.argsort(found.natural_frequency[0], kind="stable")])
 
 
 def _looked_at(item: Reach, config: Config, system: GearSystem) -> Reach:

@@ -39,6 +39,7 @@ USUAL: dict[tuple[str, str], tuple[float, float, str]] = {
     ("length", "m"): (1e-4, 50.0, "mm"),
     ("backlash", "m"): (0.0, 0.01, "um"),
     ("transmission_error", "m"): (0.0, 1e-3, "um"),
+    ("stiffness_per_width", "N/m^2"): (1e8, 1e12, "N/(mm um)"),
     ("roughness", "m"): (0.0, 1e-4, "um"),
     ("inertia", "kg m^2"): (1e-10, TURBINE, "kg mm^2"),
     ("inertias", "kg m^2"): (1e-10, TURBINE, "kg mm^2"),

@@ -24,8 +24,11 @@ from gearstab.waveforms.samples import MOST_SAMPLES
 SUFFIXES = (".csv", ".txt", ".h5", ".hdf5")
 
 
-def read_samples(path: FilePath, wave: type[Waveform], interpolation: str, quantities: Mapping[str, Quantity]) -> Array:
-    """``(columns, N)``: the columns that the wave takes, phase and stiffness, in some waves also torque, in SI.
+def read_samples(
+    path: FilePath, wave: type[Waveform], interpolation: str, quantities: Mapping[str, Quantity]
+) -> tuple[Array, str]:
+    """``(columns, N)``: the columns that the wave takes, phase and stiffness, in some waves also torque, in SI; and
+    what is doubtful about them, "" for nothing.
 
     A text file has one sample a line, numbers separated by a comma, a semicolon or blanks; empty lines and what follows
     a # do not count, and the first line may name the columns, with units in brackets. An HDF5 file has a dataset of one
@@ -37,11 +40,15 @@ def read_samples(path: FilePath, wave: type[Waveform], interpolation: str, quant
     usable(path, ".csv or .h5", SUFFIXES)
     lines = path.suffix.lower() in (".csv", ".txt")
     places, columns = columns_of(text(path), quantities) if lines else _datasets(path, quantities)
-    found = wave.wrong_samples(columns, interpolation)
+    table = np.array(columns, dtype=float)
+    rows, phase, doubt = wave.measured(table)
+    table, places = table[:, rows], [places[row] for row in rows]
+    table[list(wave.columns).index("phase")] = phase
+    found = wave.wrong_samples(table.tolist(), interpolation)
     if found is not None:
         index, _, message, hint = found
         raise DataFileError(message if index is None else f"{places[index]}: {message}", hint)
-    return np.array(columns, dtype=float)
+    return table, doubt
 
 
 def _datasets(path: FilePath, quantities: Mapping[str, Quantity]) -> tuple[list[str], list[list[float]]]:

@@ -16,7 +16,7 @@ from gearstab.config.model.units import UnitError, to_si
 COUNTS = {2: "two", 3: "three"}
 HEADER = re.compile(r"\s*(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?\s*", re.DOTALL)
 """A name, and a unit in brackets."""
-PLAIN = ("", "-", "1")
+PLAIN = ("", "-", "1", "fraction")
 """Units of a column whose numbers are taken as they are."""
 BLANKS = r"\s+(?![\[(])(?![^\[(]*[\])])"
 """Blanks that separate columns: not those before a unit in brackets or within it."""
@@ -25,12 +25,14 @@ BLANKS = r"\s+(?![\[(])(?![^\[(]*[\])])"
 def columns_of(content: str, columns: Mapping[str, Quantity]) -> tuple[list[str], list[list[float]]]:
     """Return the place of each line, and the numbers of each column in SI units.
 
-    The first line, or a comment before the numbers, may name the columns, each with a unit in brackets.
+    The first line, or a comment before the numbers, may name the columns, each with a unit in brackets, or in a line of
+    units that follows.
 
     columns: the names, and what each may be. Raises DataFileError, with the line.
     """
     names = tuple(columns)
     order: tuple[int, ...] | None = None
+    named: list[str] = []
     factors = dict.fromkeys(names, 1.0)
     places: list[str] = []
     samples: dict[str, list[float]] = {name: [] for name in names}
@@ -43,7 +45,12 @@ def columns_of(content: str, columns: Mapping[str, Quantity]) -> tuple[list[str]
                 fields = heads
             if fields and all(_number(field) is None for field in fields):
                 order, factors = _header(fields, place, columns)
+                named = fields
                 continue
+        elif not places and _are_units(fields, named):
+            heads = [f"{name} [{unit.strip('[]()')}]" for name, unit in zip(named, fields, strict=True)]
+            order, factors = _header(heads, place, columns)
+            continue
         if not fields:
             continue
         if len(fields) <= max(order or (0,)) or (len(fields) != len(names) and order is None):
@@ -104,6 +111,15 @@ def _is_unit(field: str) -> bool:
         return bool(unit) and (unit in PLAIN or to_si(f"1 {unit}", ("m",)) is not None)
     except UnitError as error:
         return error.code != "unknown_unit"
+
+
+def _are_units(fields: Sequence[str], named: Sequence[str]) -> bool:
+    """Return whether a line gives columns their units, which have none in the line of their names."""
+    if len(fields) != len(named) or any(head(name)[1] for name in named):
+        return False
+    return all(field in PLAIN or _is_unit(f"[{field.strip('[]()')}]") for field in fields) and any(
+        _number(field) is None for field in fields
+    )
 
 
 def _header(

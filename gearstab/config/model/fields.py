@@ -146,8 +146,8 @@ def _usual_ratio(ratio: Fraction | float) -> None:
 class Ratio:
     """A positive ratio of tooth numbers or frequencies, kept exact: 1, 0.6 or "3/5".
 
-    signed: whether it may be negative, for the other sense of a rotation. exact: false for one that stands for an
-    irrational number, a float.
+    signed: whether it may be negative, for the other sense of a rotation, or 0, for none.
+    exact: false for one that stands for an irrational number, a float.
     sibling: the flag before it in the section that says which of the two it is.
     """
 
@@ -221,7 +221,8 @@ class Ratio:
         if not self.signed and ratio <= 0:
             raise wrong("out_of_range", "must be > 0", remedy)
         otherwise = f", or {self.sibling}: false if it stands for an irrational number" if self.sibling else ""
-        _usual_ratio(abs(ratio))
+        if ratio:
+            _usual_ratio(abs(ratio))
         if max(abs(ratio.numerator), ratio.denominator) > LARGEST_TERM:
             raise wrong("out_of_range", "has too many digits", f"write a ratio of tooth numbers{otherwise}")
         if ratio.denominator > LARGEST_DENOMINATOR and "/" not in str(value):

@@ -36,6 +36,7 @@ MEANING = {
     "kg m": "a mass times a length",
     "kg m^2": "a moment of inertia",
     "N/m": "a stiffness",
+    "N/m^2": "a stiffness per width",
     "N": "a force",
     "N m": "a torque or torsional stiffness (per rad)",
     "N s/m": "a viscous damping",

@@ -79,10 +79,10 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
     model.complete(document, raw, contents)
     bare, errors = read(model, document.data["system"])
     section = bare.with_files(contents)
-    samples = _read_samples(document, section, source)
+    samples, doubts = _read_samples(document, section, source)
     context = sweep.Context(document, section)
     layouts = sweep.layouts(context) if "sweep" in document.data else []
-    doubts = list(sweep.without_effect(document, layouts))
+    doubts += sweep.without_effect(document, layouts)
     variables: list[sweep.UnresolvedAxis] = []
     if "design" in document.data:
         from gearstab.config.sections import design
@@ -124,11 +124,12 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
     return SystemSections(plain, section, contents, axes, specs, context, targets, wanted, doubts, sound)
 
 
-def _read_samples(document: Document, section: System, source: FilePath) -> dict[Path, Array]:
-    """Return the contents of the files of waveforms, by the place of the waveform below ``system``; problems are
-    reported.
+def _read_samples(document: Document, section: System, source: FilePath) -> tuple[dict[Path, Array], list[Problem]]:
+    """Return the contents of the files of waveforms, by the place of the waveform below ``system``, and what is
+    doubtful about them; problems are reported.
     """
     found: dict[Path, Array] = {}
+    doubts: list[Problem] = []
     for path, waveform in waveforms(section, ()):
         name, wave = getattr(waveform, "file", None), wave_of(waveform)
         if not isinstance(name, str) or wave is None:
@@ -139,7 +140,11 @@ def _read_samples(document: Document, section: System, source: FilePath) -> dict
         try:
             columns = {key: quantity_at(section, (*path, key), kind) for key, kind in wave.columns.items()}
             interpolation = waveform.interpolation if isinstance(waveform.interpolation, str) else "linear"
-            found[path] = read_samples(source.parent / name, wave, interpolation, columns)
+            found[path], doubt = read_samples(source.parent / name, wave, interpolation, columns)
         except DataFileError as error:
             document.report(("system", *path, "file"), "file", str(error), error.hint, value=name)
-    return found
+            continue
+        if doubt:
+            place = ("system", *path, "file")
+            doubts.append(document.problem(place, "unusual", doubt, "check the measurement", value=name))
+    return found, doubts

@@ -150,7 +150,7 @@ def _impossible(problem: DesignProblem, batch: Batch) -> Array:
     if batch.p["kind"] == "gearbox":
         from gearstab.systems.gearbox.feasibility import notice_flags
 
-        flags = notice_flags(batch.p).reshape(-1, len(batch.system.meshes))
-        allowed = notice_flags(problem.config.system).reshape(len(batch.system.meshes))
+        flags = notice_flags(batch.p).reshape(-1, len(batch.system.whole_meshes))
+        allowed = notice_flags(problem.config.system).reshape(len(batch.system.whole_meshes))
         fault = np.where(np.any(np.broadcast_to(flags & ~allowed, (len(fault), len(allowed))), axis=1), np.inf, fault)
     return fault

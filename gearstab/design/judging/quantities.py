@@ -13,7 +13,7 @@ import numpy as np
 from gearstab.design.judging import regions
 from gearstab.design.problem import Batch, Span
 from gearstab.modal import mean_modes
-from gearstab.support import ANY_LINEAR, unsupported
+from gearstab.support import ANY_LINEAR, ONLY_MESHES, WHIRLING, unsupported
 from gearstab.system import Array, Feature, GearSystem
 
 UNIFORM = 48
@@ -91,9 +91,13 @@ def load_factor_over(system: GearSystem, omega: Array, lowest: float | None = No
 
 
 def damping_over(system: GearSystem, omega: Array) -> Array:
-    """``(rows, P)``, the modal damping ratio that stabilises a point, in place of the system's own; NaN above 0.5."""
+    """``(rows, P)``, the modal damping ratio that stabilises a point, in place of the system's own; NaN above 0.5, and
+    where the theory does not apply: motions that are no real modes have no modal damping ratio.
+    """
     from gearstab.floquet.required_damping import required_damping as required
 
+    if unsupported(system, ONLY_MESHES):
+        return np.full((system.rows, np.shape(omega)[-1]), np.nan)
     return required(replace(system, damping=None), omega, largest=LARGEST_DAMPING).value
 
 
@@ -190,13 +194,14 @@ EXACT: dict[str, Callable[[Batch], Array]] = {
 }
 """By name, the value of each row; NaN where there is none."""
 
-REGIONS: frozenset[Feature] = frozenset()
+REGIONS = WHIRLING
 """The features of systems whose regions are found by root finding."""
-SUPPORTS = dict.fromkeys(EXACT, REGIONS) | {
-    "growth_rate": frozenset({Feature.PERIODIC_TERMS}),
-    "load_factor": frozenset({Feature.PERIODIC_TERMS}),
-    "root_stress": ANY_LINEAR,
-    "transmission_error": ANY_LINEAR,
+SUPPORTS: dict[str, frozenset[Feature]] = dict.fromkeys(EXACT, REGIONS) | {
+    "growth_rate": REGIONS | {Feature.PERIODIC_TERMS},
+    "load_factor": REGIONS | {Feature.PERIODIC_TERMS},
+    "required_damping": frozenset(),
+    "root_stress": ANY_LINEAR | WHIRLING,
+    "transmission_error": ANY_LINEAR | WHIRLING,
 }
 """By name, the features of systems for which a quantity can be computed."""
 

@@ -19,6 +19,7 @@ import numpy as np
 from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED
+from gearstab.support import whirls
 from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
@@ -71,7 +72,9 @@ def driven(system: GearSystem, tongues: Sequence[Tongue]) -> list[DrivenRegion]:
 
 
 def explanation(system: GearSystem, tongues: Sequence[Tongue]) -> list[str]:
-    """Return sentences on the regions of a single system, given those of interest."""
+    """Return sentences on the regions of a single system, given those of interest; none where modes are not real."""
+    if whirls(system):
+        return []
     unique = {(t.mode_p, t.mode_q, t.frequency_ratio): t for t in tongues if t.kind != SELF_EXCITED}
     known = driven(system, list(unique.values()))
     rules = (_existence, _pairs, _missing, _many)

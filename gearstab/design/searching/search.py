@@ -66,7 +66,7 @@ def best(problem: DesignProblem, judge: Judge, goal: Goal = first, say: Say = la
     if not problem.continuous.any():
         say(f"{len(choices):,} combinations of choices")
         return np.asarray(choices[ranking(problem, choices, judge.worth(choices).score(goal))[0]])
-    cheap = all(screened(tuple(weights)) for weights in problem.design.objectives)
+    cheap = not problem.whirling and all(screened(tuple(weights)) for weights in problem.design.objectives)
     starts = list(_starts(problem, judge, choices, cheap, say))
     found = [searched(problem, judge, goal, start, say) for start in starts]
     own = _as_given(problem)

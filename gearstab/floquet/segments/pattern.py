@@ -7,12 +7,14 @@ through the same states in the same order form a :class:`Pattern`, and a kernel 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.grouping import equal_rows
 from gearstab.modal import symmetric_eigen
@@ -27,6 +29,8 @@ PROBES = np.array([0.0711, 0.2713, 0.4913, 0.6581, 0.9421])
 """Where a function is looked at between two of its jumps and kinks, in parts of the distance: nowhere symmetric."""
 CONSTANT = 1e-14
 """A function that varies by less than this part of its size there is constant but for rounding."""
+MOST_BITS = 62
+"""Of a number of a state; its sign means that there is none."""
 
 
 @dataclass(frozen=True)
@@ -197,8 +201,8 @@ def window(system: GearSystem, cycles: float) -> list[Pattern]:
     found = np.sort(np.clip(np.concatenate(edges, axis=1), 0.0, cycles), axis=1)
     middle = found + 0.5 * np.diff(found, axis=1, append=cycles)
     bits = np.zeros(found.shape, dtype=np.int64)
-    for i, mesh in enumerate(system.meshes):
-        bits |= _stiff(system, mesh, float(mesh.frequency_ratio) * middle).astype(np.int64) << i
+    for shift, mesh in zip(_shifts(_levels(system).widths), system.meshes, strict=True):
+        bits |= _level_at(system, mesh, float(mesh.frequency_ratio) * middle) << shift
     return _patterns(system, cycles, found / cycles, bits, closed=False)
 
 
@@ -214,9 +218,8 @@ def _patterns(system: GearSystem, cycles: float, edges: Array, bits: Array, clos
             members = elastic.rows[index]
             states, fractions, start = merged(key, lengths[members], edges[members], closed)
             unique, state = np.unique(states, return_inverse=True)
-            on = (unique[:, None] >> np.arange(len(system.meshes))) & 1
-            own = levels[members, None]
-            chosen = np.where(on.astype(bool), own[..., 1], own[..., 0])
+            at = _levels_of(unique, levels.widths)
+            chosen = np.take_along_axis(levels.table[members, None], at[None, :, :, None], axis=3)[..., 0]
             part = elastic.subset(index)
             stiffness = part.stiffness_of(chosen)
             patterns.append(Pattern(members, cycles, fractions, start, state, chosen, part, stiffness, closed))
@@ -224,7 +227,7 @@ def _patterns(system: GearSystem, cycles: float, edges: Array, bits: Array, clos
 
 
 def _segments_of_rows(system: GearSystem, counts: tuple[int, ...]) -> tuple[Array, Array]:
-    """Jumps ``(rows, S)`` in [0, 1), ascending, and which meshes are stiff after each, as bits ``(rows, S)``."""
+    """Jumps ``(rows, S)`` in [0, 1), ascending, and the levels of all meshes after each, as bits ``(rows, S)``."""
     edges = [np.zeros((system.rows, 1))] if not system.meshes else []
     for mesh, n in zip(system.meshes, counts, strict=True):
         points = _jumps(system, mesh)
@@ -235,8 +238,8 @@ def _segments_of_rows(system: GearSystem, counts: tuple[int, ...]) -> tuple[Arra
     found.sort(axis=1)
     middle = found + 0.5 * np.diff(found, axis=1, append=found[:, :1] + 1)
     bits = np.zeros(found.shape, dtype=np.int64)
-    for i, (mesh, n) in enumerate(zip(system.meshes, counts, strict=True)):
-        bits |= _stiff(system, mesh, n * middle).astype(np.int64) << i
+    for shift, mesh, n in zip(_shifts(_levels(system).widths), system.meshes, counts, strict=True):
+        bits |= _level_at(system, mesh, n * middle) << shift
     return found, bits
 
 
@@ -245,20 +248,43 @@ def _jumps(system: GearSystem, mesh: Mesh) -> Array:
     return system.flat(mesh.waveform.breakpoints(), 1) + system.flat(mesh.lag)[:, None]
 
 
-def _stiff(system: GearSystem, mesh: Mesh, phase: Array) -> Array:
-    """Whether the mesh is above its mean at the given phases (rows, S); never where its stiffness does not vary."""
+def _level_at(system: GearSystem, mesh: Mesh, phase: Array) -> Array:
+    """Which level the mesh has at the given phases (rows, S); the first where its stiffness does not vary."""
     x = (phase - system.flat(mesh.lag)[:, None]).T
-    value = mesh.waveform.value(x.reshape(-1, *system.batch)).reshape(x.shape).T
-    return (value > 0) & (system.flat(mesh.epsilon)[:, None] != 0)
+    level = mesh.waveform.level_at(x.reshape(-1, *system.batch)).reshape(x.shape).T
+    return np.where(system.flat(mesh.epsilon)[:, None] != 0, level, 0)
 
 
-def _levels(system: GearSystem) -> Array:
-    """``(rows, meshes, 2)``, the softer and the stiffer level of each mesh; both the mean where it does not vary."""
+@dataclass(frozen=True)
+class _Levels:
+    """The levels of the mesh stiffnesses, ``table`` (rows, meshes, L), and how many bits number those of a mesh."""
+
+    table: Array
+    widths: tuple[int, ...]
+
+
+def _levels(system: GearSystem) -> _Levels:
+    """The levels of each mesh, the softer and the stiffer one of most; all the mean where it does not vary."""
+    waves = [mesh.waveform.levels() for mesh in system.meshes]
+    most = max((wave.shape[-1] for wave in waves), default=1)
     table = []
-    for mesh in system.meshes:
-        pair = [mesh.mean_stiffness + 2 * mesh.amplitude * w for w in mesh.waveform.extremes()]
-        table.append(np.stack([system.flat(level) for level in pair], axis=-1))
-    return np.stack(table, axis=1)
+    for mesh, wave in zip(system.meshes, waves, strict=True):
+        own = np.asarray(mesh.mean_stiffness)[..., None] + 2 * np.asarray(mesh.amplitude)[..., None] * wave
+        table.append(np.pad(system.flat(own, 1), ((0, 0), (0, most - own.shape[-1]))))
+    widths = tuple(max(1, int(wave.shape[-1] - 1).bit_length()) for wave in waves)
+    return _Levels(np.stack(table, axis=1) if table else np.zeros((system.rows, 0, 1)), widths)
+
+
+def _shifts(widths: Sequence[int]) -> list[int]:
+    """Where the bits of each mesh begin. Raises NotPossible for more of them than a number has."""
+    if sum(widths) > MOST_BITS:
+        raise NotPossible("the meshes have too many levels of stiffness", "give fewer faults, or fewer meshes")
+    return [sum(widths[:i]) for i in range(len(widths))]
+
+
+def _levels_of(bits: Array, widths: Sequence[int]) -> Array:
+    """The level of each mesh ``(D, meshes)`` from the bits of the states ``(D,)``."""
+    return (bits[:, None] >> np.array(_shifts(widths), dtype=int)) & ((1 << np.array(widths, dtype=int)) - 1)
 
 
 def merged(key: Array, lengths: Array, edges: Array, closed: bool = True) -> tuple[Array, Array, Array]:

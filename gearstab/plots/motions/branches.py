@@ -23,20 +23,26 @@ from gearstab.plots.maps import curve
 from gearstab.plots.motions.speeds import scale
 from gearstab.plots.view import Request, View, view_along
 from gearstab.results.display import SHOWN_SCALE, SPEEDS
+from gearstab.results.read import branches_of
 
 Array = np.ndarray
 Artists = dict[str, Any]
 
-MEASURE = "transmission_error_rms"
+MEASURE = "amplitude_rms"
 """Variables drawn without --variable."""
 WORDS = {
+    "amplitude_rms": "transmission error, rms",
+    "amplitude_peak": "transmission error, peak",
     "transmission_error_rms": "transmission error, rms",
     "transmission_error_peak_to_peak": "transmission error, peak to peak",
 }
 """Names that fit beside the axis."""
 VALUE = "branch_value"
 """The variable that holds the value of the axis, of branches along another one than the mesh frequency."""
-MARKS = {1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s"), 4: ("branch point", "^")}
+MARKS = {
+    1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s"),
+    5: ("branch point", "^"),
+}  # fmt: skip
 """Kinds of points that are marked: what they are called, and how they look."""
 DASHED = (0, (3, 1.6))
 
@@ -45,8 +51,9 @@ def read_branches(tree: xr.DataTree, variable: str) -> xr.Dataset:
     """The group ``branches`` of a sweep. Raises PlotError if the result holds none, or not the variable."""
     if "branches" not in tree.children:
         raise PlotError(f"this result holds no branches (methods.branches); it holds {listed(tree.children)}")
-    dataset = tree["branches"].to_dataset()
-    known = [str(name) for name, item in dataset.data_vars.items() if {"point", "mesh"} <= set(map(str, item.dims))]
+    dataset = branches_of(tree)
+    of_meshes = [str(name) for name, item in dataset.data_vars.items() if {"point", "mesh"} <= set(map(str, item.dims))]
+    known = ["amplitude_rms", "amplitude_peak", *of_meshes]
     if variable not in known:
         raise PlotError(f"no variable {variable!r} along branches; --variable: {listed(known)}")
     return dataset
@@ -57,12 +64,14 @@ class Curves:
 
     def __init__(self, dataset: xr.Dataset, view: View, variable: str, unit: float) -> None:
         def values(name: str) -> Array:
-            return view.cut(dataset[name], "point")
+            return np.ravel(view.cut(dataset[name], "branch", "point"))
 
-        self.x = values(VALUE if VALUE in dataset else "branch_frequency") / unit
-        self.y, self.branch = values(variable).astype(float), values("branch")
-        self.stable, self.kind = values("motion_stable") == 1, values("kind")
-        self.jump, self.landing = values("jump"), values("landing")
+        self.x = values(VALUE if VALUE in dataset else "mesh_frequency") / unit
+        self.y, points = values(variable).astype(float), dataset.sizes["point"]
+        self.branch = np.where(np.isnan(self.x), -1, np.arange(len(self.x)) // points)
+        self.stable, self.kind, self.jump = values("stable") == 1, values("event"), values("jump")
+        there = values("landing_branch")
+        self.landing = np.where(there < 0, -1, there * points + values("landing_point"))
 
     def pieces(self) -> list[tuple[Array, bool]]:
         """Points of every stretch of a branch that is stable, or not; both ends belong to both sides."""
@@ -70,7 +79,7 @@ class Curves:
         for number in range(int(self.branch.max(initial=-1)) + 1):
             own = np.flatnonzero(self.branch == number)
             # A stretch between two points is stable where both are, or one is and the other is where stability changes.
-            settled = self.stable[own] | (self.kind[own] > 0)
+            settled = self.stable[own] | np.isin(self.kind[own], list(MARKS))
             between = settled[:-1] & settled[1:] & (self.stable[own][:-1] | self.stable[own][1:])
             for part in np.split(np.arange(len(between)), np.flatnonzero(np.diff(between)) + 1):
                 if len(part):
@@ -105,7 +114,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     dataset = read_branches(tree, variable)
     axes = sweep_axes(tree)
     along = str(dataset.attrs["over"]) if VALUE in dataset else next(name for name in SPEEDS if name in axes)
-    dims = dict.fromkeys([along, *(d for d in map(str, dataset[variable].dims) if d not in INNER), "mesh"])
+    of_data = [str(dim) for dim in dataset[variable].dims]
+    dims = dict.fromkeys([along, *(dim for dim in of_data if dim not in INNER), *({"mesh"} & {*of_data})])
     view = view_along(tree, dims, replace(request, x=request.x or along), dataset)
     if view.x.name != along:
         raise PlotError(f"branches are drawn over {along}, not over {view.x.name}")

@@ -30,6 +30,11 @@ FLOOR = 1e-7
 SHOWN = 1e-4
 """The frequency axis ends where nothing above this part of the largest density follows."""
 
+NUMBERED = 6
+"""Sidebands that are numbered; others stand beside these."""
+APART = 0.07
+"""Of the axis, what lies between two numbers."""
+
 
 def read_spectra(tree: xr.DataTree, wanted: str | None) -> xr.DataArray:
     """The variable over the frequency. Raises PlotError if the result holds none, or not that one."""
@@ -103,8 +108,37 @@ def mark_modes(tree: xr.DataTree, axes: list[Axes], end: float, unit: float) -> 
     return found
 
 
+def sidebands(tree: xr.DataTree, panel: xr.DataArray, x: Array, ax: Axes, unit: float) -> list[Any]:
+    """Number the largest lines that are no harmonics of the mesh by their order of the shaft with the weak tooth."""
+    known = tree["response"].attrs
+    mesh, meshes = str(panel.coords["mesh"].values), str(known.get("weak_meshes", "")).split("\n")
+    if mesh not in meshes:
+        return []
+    of = meshes.index(mesh)
+    shaft = float(np.ravel(known["weak_ratios"])[of]) * float(known["mesh_frequency"]) / unit
+    order, teeth = np.rint(x / shaft).astype(int), int(np.ravel(known["weak_counts"])[of])
+    end = ax.get_xlim()[1]
+    height = np.asarray(panel.values, dtype=float)
+    side = (np.abs(x - order * shaft) < 1e-6 * shaft) & (order % teeth != 0)
+    chosen: list[int] = []
+    for k in np.argsort(-np.where(side, height, 0.0), kind="stable"):
+        if len(chosen) == NUMBERED or not side[k] or not height[k] > ax.get_ylim()[0]:
+            break
+        if x[k] < end and all(abs(x[k] - x[other]) > APART * end for other in chosen):
+            chosen.append(int(k))
+    ax.text(
+        0.99, 0.96, f"numbers: orders of the shaft of {str(known['weak_teeth']).split(chr(10))[of]}",
+        transform=ax.transAxes, ha="right", va="top", fontsize=6,
+    )  # fmt: skip
+    return [
+        ax.annotate(str(order[k]), (x[k], height[k]), xytext=(0, 2), textcoords="offset points", ha="center",
+                    fontsize=6)
+        for k in chosen
+    ]  # fmt: skip
+
+
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
-    """The whole figure, panels over one another: ``lines`` and ``modes``."""
+    """The whole figure, panels over one another: ``lines``, ``modes``, and ``sidebands``: the numbers of orders."""
     data = read_spectra(tree, request.variable)
     refuse_selections(request, [data], "frequency")
     panels = columns(data, request, along="frequency")
@@ -123,12 +157,18 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         ax.set_ylabel(name, linespacing=0.95)
     axes[0].set_xlim(0.0, 1.015 * end if harmonics else end)
     unit = float(data.coords["frequency"].attrs.get(SHOWN_SCALE, 1.0))
+    numbers = [
+        text
+        for ax, (_, panel) in zip(axes, panels, strict=True)
+        if harmonics and "mesh" in panel.coords
+        for text in sidebands(tree, panel, x, ax, unit)
+    ]
     modes = mark_modes(tree, axes, end, unit) if "normalised_frequency" not in data.coords else []
     axes[-1].set_xlabel(label)
     figure.align_ylabels(axes)
     write_title(figure, tree, request)
     fit_labels(axes)
-    return figure, {"lines": lines, "modes": modes}
+    return figure, {"lines": lines, "modes": modes, "sidebands": numbers}
 
 
 KIND = Kind("spectrum", "spectra of a response", draw)

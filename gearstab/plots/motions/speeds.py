@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError, listed
+from gearstab.plots.axes import INNER
 from gearstab.plots.cases import caption
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
@@ -93,7 +94,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     cases, note = curve.chosen_curves(view, data, request)
     figure, ax = new_frame(request, (0.66, 0.4))
     x = view.x.ascending
-    others = [axis for axis in view.free if axis.name != "mesh"]
+    others = [axis for axis in view.free if axis.name not in INNER]
     ranges = [unstable_ranges(tree, view.at(**case)) for case in cases]
     # Motions with backlash are those that are seen, whatever the linear system does.
     attracts = "contact_loss_ratio" in dataset

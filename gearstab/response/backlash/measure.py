@@ -27,7 +27,7 @@ class LimitCycle:
     """Measures of the settled motion, over the whole common periods after the beginning that was left out.
 
     begin, end: times. Where no common period is complete, all that is after the beginning counts.
-    peak_to_peak, rms: ``(meshes,)``, of the mesh deflection g_i^T q, the latter about its mean.
+    peak_to_peak, rms, peak: ``(meshes,)``, of the mesh deflection g_i^T q, the latter two about its mean.
     force_peak: ``(meshes,)``, the largest magnitude of the elastic mesh force.
     contact_loss: ``(meshes,)``, the part of the time without contact.
     period: after how many common periods the motion repeats itself; 0 where it does not (yet).
@@ -38,6 +38,7 @@ class LimitCycle:
     end: float
     peak_to_peak: Array
     rms: Array
+    peak: Array
     force_peak: Array
     contact_loss: Array
     period: int
@@ -137,6 +138,7 @@ class Meter:
         return LimitCycle(
             begin=begin, end=end, peak_to_peak=high.max(axis=0) - low.min(axis=0),
             rms=np.sqrt(np.maximum(square - mean**2, 0.0)),
+            peak=np.maximum(high.max(axis=0) - mean, mean - low.min(axis=0)),
             force_peak=force.max(axis=0), contact_loss=np.clip(apart, 0.0, 1.0), period=period,
             difference=difference,
         )  # fmt: skip

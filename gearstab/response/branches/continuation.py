@@ -45,7 +45,7 @@ STATIONARY = 1e-9
 """Difference of parameters, in their unit, of folds that are one: a fold's parameter hardly depends on errors of the
 state, along which multipliers of symmetric systems part."""
 
-FOLD, DOUBLING, NEIMARK_SACKER, BRANCHING = "fold", "period_doubling", "Neimark_Sacker", "branch_point"
+FOLD, DOUBLING, NEIMARK_SACKER, BRANCHING = "fold", "period_doubling", "neimark_sacker", "branch_point"
 """Events where multipliers cross the unit circle."""
 END, CLOSED, UNBOUNDED, MORE = "range_end", "closed", "unbounded", "more_points"
 FAILED, LINEAR = "step_failed", "linear_motions"

@@ -15,7 +15,9 @@ from gearstab.response.branches.stability import MotionStability
 from gearstab.system import Array
 
 GRAZING = "grazing"
-KINDS = {"none": 0, FOLD: 1, DOUBLING: 2, NEIMARK_SACKER: 3, BRANCHING: 4, GRAZING: 5}
+MOST_BRANCHES = 32
+"""Branches of a system, at most."""
+KINDS = {"none": 0, FOLD: 1, DOUBLING: 2, NEIMARK_SACKER: 3, GRAZING: 4, BRANCHING: 5}
 """Events of motions: what crosses the unit circle; the first of a doubled branch, up to which motions are linear."""
 BRANCH_FLAGS = {
     "range_end": 1, "closed": 2, "unbounded": 4, "more_points": 8, "step_failed": 16, "linear_motions": 32,

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gearstab.response.backlash.measure import repetition
 from gearstab.response.branches.continuation import CLOSED, DOUBLING, FOLD, MORE, Curve, Point, StepLimits
-from gearstab.response.branches.motions import Branch, BranchMotion
+from gearstab.response.branches.grazing import grazing_between
+from gearstab.response.branches.motions import MOST_BRANCHES, Branch, BranchMotion
 from gearstab.response.branches.sections import Lap, SectionMap
 from gearstab.response.branches.stability import stability
 from gearstab.response.branches.switching import leaving
@@ -19,20 +20,23 @@ SAME = 1e-6
 """Difference of two motions, in units of the state, below which they are one."""
 BEYOND = 2e-3
 """Part of the range by which the speed goes past the end of stable motions, to see what follows."""
-MOST_BRANCHES = 64
 FAR = 3.0
 """Extent of random initial states, in units of the state."""
 
 
 @dataclass(frozen=True)
 class Starts:
-    """Where motions are looked for by running on.
+    """Where motions are looked for, and how.
 
-    values: of the parameter.  states: initial states at each, the first the static equilibrium, the others random.
+    values: of the parameter.
+    kinds: what is tried at each. linear: Newton's method from the static equilibrium, which finds the linear steady
+        state at once if no contact is lost on the way; rest, random: what the static equilibrium, or so many random
+        ``states``, settle to.
     cycles: of the first mesh, that a motion is given to settle.  seed: of the random states.
     """
 
     values: tuple[float, ...]
+    kinds: tuple[str, ...] = ("rest",)
     states: int = 1
     cycles: float = 200
     seed: int = 0
@@ -41,14 +45,14 @@ class Starts:
 class BranchSearch:
     """The branches of one system over its mesh frequency, or the parameter of its section map.
 
-    limits: of every branch;  switch: whether to follow those that leave at period doublings and branch points.
+    limits: of every branch;  follow: where those that leave are followed, too: at period doublings, at branch points.
     found: the branches;  unit: of the state, the extent of the first motion.
     jumps: by branch and motion where a stable motion ends: 1 where it does as the parameter rises, -1 as it falls, and
         the branch and motion next to the one that follows, None where that is not known.
     """
 
-    def __init__(self, laps: SectionMap, limits: StepLimits, switch: bool) -> None:
-        self.laps, self.limits, self.switch = laps, limits, switch
+    def __init__(self, laps: SectionMap, limits: StepLimits, follow: Container[str] = ()) -> None:
+        self.laps, self.limits, self.follow = laps, limits, follow
         self.span = limits.high - limits.low
         self.unit = 1.0
         self.found: list[Branch] = []
@@ -101,16 +105,19 @@ class BranchSearch:
         for value in starts.values:
             equilibrium = self.laps.at(value).rest()
             count = self._count(value, starts.cycles)
-            for number in range(starts.states):
+            for kind in (k for k in starts.kinds for _ in range(starts.states if k == "random" else 1)):
                 x = equilibrium
-                if number:
+                if kind == "random":
                     x = x + FAR * self.unit * random.uniform(-1, 1, len(x))
                 try:
-                    lap = self.laps.lap(x, value, count)
+                    lap = self.laps.lap(x, value, 1 if kind == "linear" else count)
                 except ArithmeticError:
                     continue
-                if not number and not self.found:
-                    self.unit = float(np.abs(lap.sections()[count // 2 :]).max(initial=0.0)) or 1.0
+                if kind != "random" and not self.found:
+                    self.unit = float(np.abs(lap.sections()[count // 2 * (kind != "linear") :]).max(initial=0.0)) or 1.0
+                if kind == "linear":
+                    yield value, x, 1
+                    continue
                 periods, _ = repetition(lap.sections())
                 if periods:
                     yield value, lap.end, periods
@@ -129,12 +136,15 @@ class BranchSearch:
         motions: list[BranchMotion] = []
         left = self.limits.most - self.points - known
         limits = replace(self.limits, most=left if most is None else min(most, left))
-        for item in self.curve(periods).follow(start, along, limits):
+        curve, before = self.curve(periods), start
+        for item in curve.follow(start, along, limits):
             if isinstance(item, str):
                 return motions, item
+            found = [grazing_between(curve, before, item), item]
+            motions += [self.motion(point) for point in found if point is not None][: limits.most - len(motions)]
             if len(motions) >= limits.most:
                 break
-            motions.append(self.motion(item))
+            before = item
         return motions, MORE
 
     def motion(self, point: Point) -> BranchMotion:
@@ -148,8 +158,7 @@ class BranchSearch:
     def add(self, branch: Branch) -> None:
         """Take a branch, and what leaves it if that is asked for."""
         self.found.append(branch)
-        if self.switch:
-            leaving(self, len(self.found) - 1)
+        leaving(self, len(self.found) - 1)
 
     def place(self, point: Point, periods: int) -> tuple[int, int] | None:
         """Branch and motion next to a motion, begun at any of its periods; None where it is on no known branch."""

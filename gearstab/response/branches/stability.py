@@ -10,7 +10,7 @@ from gearstab.response.branches.continuation import Curve, NoPoint
 from gearstab.response.branches.sections import Lap, SectionMap
 from gearstab.system import Array
 
-LOSSES = {"none": 0, "fold": 1, "period_doubling": 2, "Neimark_Sacker": 3}
+LOSSES = {"none": 0, "fold": 1, "period_doubling": 2, "neimark_sacker": 3}
 """Kind of stability loss by the multiplier of the largest magnitude: it is 1, -1 or one of a pair where stability is
 lost."""
 NEAR = 1e-3
@@ -51,7 +51,7 @@ def loss_of(multipliers: Array) -> int:
         return LOSSES["none"]
     first = multipliers[0]
     if first.imag != 0:
-        return LOSSES["Neimark_Sacker"]
+        return LOSSES["neimark_sacker"]
     return LOSSES["fold" if first.real > 0 else "period_doubling"]
 
 

@@ -13,6 +13,7 @@ Source: Seydel 2010, chapter 5; Golubitsky, Stewart & Schaeffer 1988, chapter XI
 
 from __future__ import annotations
 
+from collections.abc import Container
 from itertools import combinations
 from typing import Protocol
 
@@ -45,6 +46,7 @@ class Followed(Protocol):
 
     laps: SectionMap
     limits: StepLimits
+    follow: Container[str]
     found: list[Branch]
     unit: float
     span: float
@@ -63,7 +65,8 @@ def leaving(search: Followed, parent: int) -> None:
     """Follow all branches that leave a known one, and add them to the search."""
     branch = search.found[parent]
     for number, motion in enumerate(branch.motions):
-        if motion.vector is None or motion.kind not in LEFT or (motion.kind == FOLD and motion.multiplicity == 1):
+        at = BRANCHING if motion.kind == FOLD and motion.multiplicity > 1 else motion.kind
+        if motion.vector is None or at not in search.follow or at not in LEFT:
             continue
         periods = branch.periods * (2 if motion.kind == DOUBLING else 1)
         if periods > LONGEST:

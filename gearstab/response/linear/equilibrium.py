@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.modal import mean_modes
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, of_wholes
 
 
 def static_equilibrium(system: GearSystem) -> Array:
@@ -24,7 +24,7 @@ def static_equilibrium(system: GearSystem) -> Array:
 
 
 def static_mesh_force(system: GearSystem) -> Array:
-    """k_gi g_i^T q of the static equilibrium, ``(..., meshes)``."""
+    """k_gi g_i^T q of the static equilibrium, ``(..., meshes)``, of whole meshes."""
     q = static_equilibrium(system)
     forces = [mesh.mean_stiffness * np.einsum("...n,...n->...", mesh.direction, q) for mesh in system.meshes]
-    return np.stack(np.broadcast_arrays(*forces), axis=-1)
+    return of_wholes(np.stack(np.broadcast_arrays(*forces), axis=-1), system.wholes)

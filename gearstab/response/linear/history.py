@@ -13,7 +13,7 @@ from gearstab.propagation.first_order import bases
 from gearstab.response.linear.driven import Driven, driven
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.steady import STATUS_FLAGS, unbalanced
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, of_wholes
 
 RESPONSE_FLAGS = STATUS_FLAGS | {"overflow": 128}
 """Bits of a response's ``flags``: those of a steady state (:mod:`~gearstab.response.linear.steady`), of a history as
@@ -153,6 +153,7 @@ def assembled(
         force = stiffness * (deflection - errors)
         energy = np.einsum("si,si->s", v @ system.mass, v) + np.einsum("si,si->s", q @ system.stiffness, q)
         energy = 0.5 * (energy + np.einsum("si,si->s", force, deflection - errors))
+        force, deflection = of_wholes(force, system.wholes), deflection[:, : len(system.whole_meshes)]
     kept = len(q)
     if not all(np.isfinite(part).all() for part in (q, v, energy)):
         kept = int(np.argmin(np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1) & np.isfinite(energy)))

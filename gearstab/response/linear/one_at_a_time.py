@@ -68,7 +68,12 @@ def _oriented(system: GearSystem) -> GearSystem:
         error = mesh.transmission_error
         if error is not None:
             error = replace(error, sin=error.sin * sense, cos=error.cos * sense)
-        meshes.append(replace(mesh, direction=mesh.direction * sense, transmission_error=error))
+        turns = tuple(
+            replace(one, profile=replace(one.profile, sin=one.profile.sin * sense, cos=one.profile.cos * sense))
+            for one in mesh.revolution_errors
+        )
+        direction = mesh.direction * sense
+        meshes.append(replace(mesh, direction=direction, transmission_error=error, revolution_errors=turns))
     return replace(system, meshes=tuple(meshes))
 
 
@@ -76,10 +81,21 @@ def _driven_apart(system: GearSystem) -> Iterator[tuple[GearSystem, float]]:
     """The system with what varies and drives with each frequency alone, and that frequency over Omega."""
     ratios = {group.ratio: group for group in groups(system)}
     ratios |= {f.frequency_ratio: FrequencyGroup(f.name, f.frequency_ratio) for f in system.forces}
+    ratios |= {
+        one.frequency_ratio: FrequencyGroup(one.name, one.frequency_ratio)
+        for mesh in system.meshes for one in mesh.revolution_errors if one.frequency_ratio not in ratios
+    }  # fmt: skip
     for ratio, group in ratios.items():
         meshes = tuple(
-            mesh if mesh.frequency_ratio == ratio else replace(mesh, transmission_error=None) for mesh in system.meshes
-        )
+            replace(
+                mesh, transmission_error=mesh.transmission_error if mesh.frequency_ratio == ratio else None,
+                revolution_errors=tuple(
+                    replace(one, frequency_ratio=Fraction(1))
+                    for one in mesh.revolution_errors if one.frequency_ratio == ratio
+                ),
+            )
+            for mesh in system.meshes
+        )  # fmt: skip
         forces = tuple(
             replace(force, frequency_ratio=Fraction(1)) for force in system.forces if force.frequency_ratio == ratio
         )

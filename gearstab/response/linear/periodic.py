@@ -120,7 +120,7 @@ def harmonics(system: GearSystem, mesh_frequency: float, order: int, tolerance: 
     """
     (_, _, begin) = next(starts(system, np.array([[float(mesh_frequency)]]), tolerance))
     multiples = np.arange(order + 1)
-    table = np.zeros((2, order + 1, len(system.meshes)), dtype=complex)
+    table = np.zeros((2, order + 1, len(system.whole_meshes)), dtype=complex)
     if begin.status[0] & RESPONSE_FLAGS["failed"]:
         table[:] = np.nan
     else:

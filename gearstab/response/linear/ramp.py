@@ -20,7 +20,7 @@ from gearstab.propagation.phase import PhaseEquation
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.response.linear.history import RESPONSE_FLAGS, separated
 from gearstab.response.linear.steady import check_held
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, of_wholes
 
 MOST_STEPS = 20_000_000
 """Steps of integration of a path at most."""
@@ -95,10 +95,11 @@ def ramp_response(
         q, v = x @ form.outlet[0].T, x @ form.speed[0].T
         deflection = np.stack([q @ np.asarray(mesh.direction) for mesh in system.meshes], axis=-1)
         stiffness, errors = equation.momentary(path.phase_at(time) / equation.period)
-        force = stiffness * (deflection - errors)
+        whole = len(system.whole_meshes)
+        force = of_wholes(stiffness * (deflection - errors), system.wholes)
     finite = np.isfinite(force).all(axis=1) & np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
     kept = len(time) if finite.all() else int(np.argmin(finite))
     flags = RESPONSE_FLAGS["overflow"] * (kept < len(time))
     flags |= RESPONSE_FLAGS["separation"] * bool(np.any(separated(force[:kept], static_mesh_force(system))))
     speed = path.speed_at(time)
-    return RampResponse(time[:kept], speed[:kept], q[:kept], v[:kept], deflection[:kept], force[:kept], flags)
+    return RampResponse(time[:kept], speed[:kept], q[:kept], v[:kept], deflection[:kept, :whole], force[:kept], flags)

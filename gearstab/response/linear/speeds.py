@@ -10,6 +10,7 @@ from gearstab.errors import NotPossible
 from gearstab.interrupts import heed
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.steady import STATUS_FLAGS, SteadyStart, starts
+from gearstab.response.measures.connections import ConnectionForces, forces
 from gearstab.response.measures.pairs_in_contact import Contact, contact
 from gearstab.response.measures.panels import COARSE, pieces
 from gearstab.system import Array, GearSystem
@@ -37,6 +38,7 @@ class SpeedResponse:
     tooth_load_factor: the largest load of one pair of teeth over the static mesh force, pairs in contact sharing the
         mesh force equally. Both NaN where the contact ratio is not known.
     status: ``(rows, P)``, bits of :data:`gearstab.response.linear.steady.STATUS_FLAGS`.
+    connections: forces of bearings and shafts, each ``(rows, P, ...)``, None unless wanted.
     """
 
     mesh_force_peak: Array
@@ -50,11 +52,13 @@ class SpeedResponse:
     load_factor_fewest_pairs: Array
     tooth_load_factor: Array
     status: Array
+    connections: ConnectionForces | None = None
 
 
 def speed_response(
-    system: GearSystem, mesh_frequency: Array, samples_per_cycle: int = 100, tolerance: float = 1e-9
-) -> SpeedResponse:
+    system: GearSystem, mesh_frequency: Array, samples_per_cycle: int = 100, tolerance: float = 1e-9,
+    connected: bool = False,
+) -> SpeedResponse:  # fmt: skip
     """Steady states of every row of a system at every mesh frequency.
 
     Parameters
@@ -64,6 +68,7 @@ def speed_response(
     samples_per_cycle: about so many samples in a period of the first mesh; extremes are those of polynomials of
         degree nine through every five of them and their derivatives, and right to 1e-7 where nothing is unresolved.
     tolerance: of the map over a period where functions vary smoothly, relative.
+    connected: whether forces of bearings and shafts are wanted, too, of a system that has any.
 
     Raises
     ------
@@ -74,17 +79,21 @@ def speed_response(
     omega = system.operating_points(mesh_frequency)
     static = system.flat(static_mesh_force(system), 1)
     pairs = contact(system)
-    table = np.full((9, *omega.shape, len(system.meshes)), np.nan)
+    table = np.full((9, *omega.shape, len(system.whole_meshes)), np.nan)
     status = np.zeros(omega.shape, dtype=np.int16)
+    held = ConnectionForces.empty(system, omega.shape) if connected else None
     for row, column, begin in starts(system, omega, tolerance, samples_per_cycle):
         part = Contact(pairs.begin[row], pairs.pairs[row], pairs.lag[row])
         found, flags = _measured(begin, static[row], part, samples_per_cycle)
         table[:, row, column] = found
         status[row, column] = flags
+        if held is not None:
+            panels = samples_per_cycle * begin.points.excitation.counts[0] / 4
+            held.put(row, column, forces(system, begin, panels), flags & STATUS_FLAGS["failed"] != 0)
     scale = np.where(static != 0, np.abs(static), np.nan)[:, None]
     peak, mean, spread, span, error, least, harmonic, fewest, tooth = table
     factors = (peak / scale, fewest / scale, tooth / scale)
-    return SpeedResponse(peak, mean, spread, span, error, least, harmonic, *factors, status)
+    return SpeedResponse(peak, mean, spread, span, error, least, harmonic, *factors, status, held)
 
 
 def _measured(begin: SteadyStart, static: Array, pairs: Contact, samples_per_cycle: int) -> tuple[Array, Array]:

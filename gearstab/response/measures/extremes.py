@@ -41,6 +41,9 @@ HERMITE = _powers(BETWEEN) @ COEFFICIENTS
 """``(9, 10)`` and ``(4, 10)``, values on the grid and at the points between."""
 RATES = _derivatives(NODES, 8) @ np.linalg.inv(_powers(np.concatenate([NODES, BETWEEN]), 8))
 """``(5, 9)``, derivatives at the nodes of the polynomial of degree eight through nodes and points between."""
+CURVES = np.hstack([np.zeros((5, 2)), 4 * _powers(NODES, DEGREE - 2) * (np.arange(2, 10) * np.arange(1, 9))])
+CURVES = CURVES @ COEFFICIENTS
+"""``(5, 10)``, second derivatives at the nodes."""
 _OFF = np.array([0.07, 0.93])
 """Between the outer two nodes at either end, where interpolation errs most."""
 DOUBT = _powers(_OFF) @ COEFFICIENTS

@@ -30,8 +30,8 @@ class Contact:
 
 def contact(system: GearSystem) -> Contact:
     """Return the pairs in contact of the meshes of a system of any batch."""
-    waves = [mesh.waveform for mesh in system.meshes]
+    waves = [mesh.waveform for mesh in system.whole_meshes]
     ratios = [getattr(wave, "total_contact_ratio", getattr(wave, "contact_ratio", None)) for wave in waves]
     c = np.stack([system.flat(np.nan if ratio is None else ratio, 0) for ratio in ratios], axis=-1)
-    lag = np.stack([system.flat(mesh.lag, 0) for mesh in system.meshes], axis=-1)
+    lag = np.stack([system.flat(mesh.lag, 0) for mesh in system.whole_meshes], axis=-1)
     return Contact(c - np.floor(c), np.floor(c), lag)

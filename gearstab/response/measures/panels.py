@@ -14,7 +14,7 @@ import numpy as np
 from gearstab.propagation.bundles import Bundle, Course, bundles
 from gearstab.propagation.intervals import Interval, SteadyPoints
 from gearstab.response.measures.extremes import BETWEEN, HERMITE, NODES, RATES, extremes
-from gearstab.system import Array
+from gearstab.system import Array, of_wholes
 
 WEIGHTS = np.array([1 / 20, 49 / 180, 16 / 45, 49 / 180, 1 / 20])
 """Gauss-Lobatto rule of five nodes on [0, 1] (Abramowitz & Stegun 1964, 25.4.32)."""
@@ -23,20 +23,14 @@ COARSE = np.array([1 / 6, 0.0, 2 / 3, 0.0, 1 / 6])
 
 
 @dataclass(frozen=True)
-class PanelSamples:
+class Panels:
     """Q intervals of K points, of equally many panels.
 
     tau: ``(panels, 5, Q, K)``, times in parts of the common period; length: ``(Q, K)``, of a panel.
-    force, deflection: ``(panels, 5, Q, K, meshes)``, mesh forces and deflections; force_rate, deflection_rate: their
-    derivatives with respect to tau.
     """
 
     tau: Array
     length: Array
-    force: Array
-    deflection: Array
-    force_rate: Array
-    deflection_rate: Array
 
     @property
     def middle(self) -> Array:
@@ -48,6 +42,28 @@ class PanelSamples:
         total = np.einsum("pjqk...,j->qk...", values, rule)
         return np.einsum("qk...,qk->k...", total, self.length)
 
+
+@dataclass(frozen=True)
+class Readings(Panels):
+    """What gauges show, ``values (panels, 5, Q, K, i)``, in a part of the common period."""
+
+    part: Bundle | Interval
+    values: Array
+
+
+@dataclass(frozen=True)
+class PanelSamples(Panels):
+    """Mesh forces and deflections.
+
+    force, deflection: ``(panels, 5, Q, K, meshes)``; force_rate, deflection_rate: their derivatives with respect to
+    tau.
+    """
+
+    force: Array
+    deflection: Array
+    force_rate: Array
+    deflection_rate: Array
+
     def extremes(self) -> tuple[Array, Array, Array]:
         """Return least and greatest force and deflection, and what samples alone would miss, ``(Q, K, 2, meshes)``."""
         values = np.stack([self.force, self.deflection], axis=4)
@@ -57,15 +73,20 @@ class PanelSamples:
 
 def pieces(points: SteadyPoints, x: Array, panels: float) -> Iterator[PanelSamples]:
     """The steady state that begins with x ``(K, m)``; about that many panels in a common period."""
-    gauges = _gauges(points)
+    for piece in readings(points, x, _gauges(points), panels):
+        yield _bundled(piece, piece.part) if isinstance(piece.part, Bundle) else _alone(piece, piece.part)
+
+
+def readings(points: SteadyPoints, x: Array, gauges: Array, panels: float) -> Iterator[Readings]:
+    """The same as ``gauges`` see it, ``(r, i, m)``: i linear functions of the state, for every row."""
     for part in bundles(points):
         if isinstance(part, Bundle):
             course, x = part.through(x)
             modal, counts = part.modal(gauges), _panels(part.length, panels)
             for count in dict.fromkeys(counts.tolist()):  # the first sample comes first
-                yield _bundled(course.some(np.flatnonzero(counts == count)), modal, count)
+                yield _read(course.some(np.flatnonzero(counts == count)), modal, count)
         else:
-            x, found = _alone(part, x, gauges, panels)
+            x, found = _read_alone(part, x, gauges, panels)
             yield found
 
 
@@ -88,20 +109,26 @@ def _panels(length: Array, panels: float) -> Array:
     return np.maximum(1, np.ceil(length.max(axis=1) * panels - 1e-9)).astype(int)
 
 
-def _bundled(course: Course, modal: Array, count: int) -> PanelSamples:
+def _read(course: Course, modal: Array, count: int) -> Readings:
     """The intervals of a course, of ``count`` panels each."""
     bundle = course.bundle
-    deflection, rate = _deflections(bundle.points, course.seen(modal, count, NODES))
     fractions = _fractions(count, NODES).reshape(count, -1, 1, 1)
     tau = bundle.begin + fractions * bundle.length
+    return Readings(tau, bundle.length / count, bundle, course.seen(modal, count, NODES))
+
+
+def _bundled(piece: Readings, bundle: Bundle) -> PanelSamples:
+    """Mesh forces and deflections in the intervals of a bundle."""
+    deflection, rate = _deflections(bundle.points, piece.values)
     errors, slopes = _errors(bundle.points)
-    z = bundle.points.excitation.z(tau)
+    z = bundle.points.excitation.z(piece.tau)
     force = bundle.stiffness * (deflection - np.einsum("kil,pjqkl->pjqki", errors, z))
     force_rate = bundle.stiffness * (rate - np.einsum("kil,pjqkl->pjqki", slopes, z))
-    return PanelSamples(tau, bundle.length / count, force, deflection, force_rate, rate)
+    fields = _of_wholes(bundle.points, force, deflection, force_rate, rate)
+    return PanelSamples(piece.tau, piece.length, *fields)
 
 
-def _alone(interval: Interval, x: Array, gauges: Array, panels: float) -> tuple[Array, PanelSamples]:
+def _read_alone(interval: Interval, x: Array, gauges: Array, panels: float) -> tuple[Array, Readings]:
     """One interval after x ``(K, m)``, and the state at its end."""
     points, q = interval.points, interval.q
     begin, end = points.edges[points.at, q], points.edges[points.at, q + 1]
@@ -109,11 +136,27 @@ def _alone(interval: Interval, x: Array, gauges: Array, panels: float) -> tuple[
     flat = _fractions(count, NODES)
     state = np.stack(list(interval.through(x, flat)))
     seen = np.einsum("kim,xkm->xki", gauges[points.at], state)
-    deflection, rate = _deflections(points, seen.reshape(count, len(NODES), *seen.shape[1:]))
-    tau, length = (begin + flat[:, None] * (end - begin)).reshape(deflection.shape[:3]), (end - begin) / count
-    force, force_rate = _force(points, q, tau, length, deflection, rate)
-    fields = (force, deflection, force_rate, rate)
-    return state[-1], PanelSamples(tau[:, :, None], length[None], *(field[:, :, None] for field in fields))
+    values = seen.reshape(count, len(NODES), 1, *seen.shape[1:])
+    tau, length = (begin + flat[:, None] * (end - begin)).reshape(values.shape[:4]), (end - begin) / count
+    return state[-1], Readings(tau, length[None], interval, values)
+
+
+def _alone(piece: Readings, interval: Interval) -> PanelSamples:
+    """Mesh forces and deflections in one interval."""
+    points, tau, length = interval.points, piece.tau[:, :, 0], piece.length[0]
+    deflection, rate = _deflections(points, piece.values[:, :, 0])
+    force, force_rate = _force(points, interval.q, tau, length, deflection, rate)
+    fields = _of_wholes(points, force, deflection, force_rate, rate)
+    return PanelSamples(piece.tau, piece.length, *(field[:, :, None] for field in fields))
+
+
+def _of_wholes(points: SteadyPoints, force: Array, deflection: Array, force_rate: Array, rate: Array) -> list[Array]:
+    """The same of whole meshes: forces of parts added to theirs, deflections of parts left out."""
+    wholes = points.excitation.wholes
+    if wholes is None:
+        return [force, deflection, force_rate, rate]
+    count = wholes.shape[1]
+    return [of_wholes(force, wholes), deflection[..., :count], of_wholes(force_rate, wholes), rate[..., :count]]
 
 
 def _fractions(count: int, nodes: Array) -> Array:

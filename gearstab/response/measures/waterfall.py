@@ -61,7 +61,7 @@ def waterfall(system: GearSystem, found: RampResponse) -> Waterfall | None:
     hertz, middle, power = spectrogram(
         found.mesh_force.T, 1 / step, "hann", count, count - hop, detrend="constant", scaling="spectrum"
     )  # fmt: skip
-    ratios = np.array([float(mesh.frequency_ratio) for mesh in system.meshes])
+    ratios = np.array([float(mesh.frequency_ratio) for mesh in system.whole_meshes])
     shown = tau * hertz <= MOST_ORDERS * ratios.max() * speed.max()
     window = hann(count, sym=False)
     theta = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * step)])

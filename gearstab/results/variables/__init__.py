@@ -55,12 +55,12 @@ class Variable:
     @property
     def fill(self) -> float | int:
         """Value where nothing was computed."""
-        return self.missing if self.missing is not None else nan if self.dtype.startswith("f") else 0
+        return self.missing if self.missing is not None else nan if self.dtype[0] in "fc" else 0
 
     @property
     def of_parts(self) -> bool:
         """Whether its first dimension are parts of the range, of which rows have different numbers."""
-        return not {STRETCH, PIECE}.isdisjoint(self.dims)
+        return not {STRETCH, PIECE}.isdisjoint(self.dims) or self.dims[:1] == ("branch",)
 
     @property
     def listed(self) -> bool:

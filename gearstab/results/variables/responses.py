@@ -134,6 +134,37 @@ SPEED_RESPONSE = (
 """Variables of the steady state at every point."""
 
 
+MESH_ORDER = "mesh_order"
+"""Dimension: multiples of the mesh frequency."""
+
+
+def connections(part: str, unit: str) -> tuple[Variable, ...]:
+    """Variables of the steady state of all connections of a part, ``bearing`` or ``shaft``; unit: of their forces."""
+    name, words = load_of(part)
+    return (
+        coordinate(part, part, TEXT, "1", part),
+        Variable(f"{name}_peak", (GRID, part), "f8", unit, f"largest {words}"),
+        Variable(f"{name}_mean", (GRID, part), "f8", unit, f"mean {words}"),
+        Variable(f"{name}_rms", (GRID, part), "f8", unit, f"root mean square of the {words} about its mean"),
+        Variable(f"{name}_harmonic", (GRID, MESH_ORDER, part), "f8", unit, f"amplitude of the {words} at an order"),
+    )
+
+
+def history_of_connections(part: str, unit: str) -> tuple[Variable, ...]:
+    """Variable over time of all connections of a part."""
+    name, words = load_of(part)
+    return coordinate(part, part, TEXT, "1", part), Variable(name, ("time", part), "f8", unit, words)
+
+
+def load_of(part: str) -> tuple[str, str]:
+    """Return the name of what a part carries, ``bearing_force`` or ``shaft_torque``, and its words."""
+    name = f"{part}_{'torque' if part == 'shaft' else 'force'}"
+    return name, name.replace("_", " ")
+
+
+ORDERS = coordinate(MESH_ORDER, MESH_ORDER, "f8", "1", "multiple of the mesh frequency")
+
+
 ALL_MOTIONS = (
     "mesh_force_peak", "transmission_error_peak_to_peak", "transmission_error_rms", "dynamic_load_factor",
 )  # fmt: skip
@@ -151,7 +182,7 @@ MULTIPLIERS = (
     ),
     Variable(
         "loss", (GRID,), "i1", "1", "how stability is lost, or would be first, by the largest multiplier",
-        {"flag_values": [0, 1, 2, 3], "flag_meanings": "none fold period_doubling Neimark_Sacker"},
+        {"flag_values": [0, 1, 2, 3], "flag_meanings": "none fold period_doubling neimark_sacker"},
     ),
 )  # fmt: skip
 """Variables of periodic motions with backlash."""
@@ -167,40 +198,57 @@ BACKLASH_SPEED_RESPONSE = (
 """Limit cycles of motions with backlash."""
 
 
+POINT = ("branch", ROWS, "point")
+
+
 def along_branches(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
     """Return variables of every speed as those of every motion of a branch."""
-    dims = [tuple(name for dim in v.dims for name in ((ROWS, "point") if dim == GRID else (dim,))) for v in variables]
+    dims = [tuple(name for dim in v.dims for name in (POINT if dim == GRID else (dim,))) for v in variables]
     return tuple(replace(v, dims=own) for v, own in zip(variables, dims, strict=True))
 
 
 BRANCHES = (
-    coordinate("point", "point", "i4", "1", "number of the motion, from 1; those of a branch follow one another"),
-    Variable("branch", (ROWS, "point"), "i4", "1", "number of the branch, from 0; -1: no motion", missing=-1),
-    Variable("parent", (ROWS, "point"), "i4", "1", "branch that this one leaves at a period doubling", missing=-1),
-    Variable("branch_frequency", (ROWS, "point"), "f8", "rad/s", "mesh frequency of the motion"),
-    Variable("period", (ROWS, "point"), "i2", "1", "common periods after which the motion repeats itself"),
+    coordinate("point", "point", "i4", "1", "number of the motion along its branch, from 1"),
+    coordinate("multiplier", "multiplier", "i4", "1", "number of the Floquet multiplier, by descending magnitude"),
+    Variable("mesh_frequency", POINT, "f8", "rad/s", "mesh frequency of the motion"),
     Variable(
-        "kind", (ROWS, "point"), "i1", "1", "what multipliers do there that cross the unit circle",
-        {"flag_values": [0, 1, 2, 3, 4, 5],
-         "flag_meanings": "none fold period_doubling Neimark_Sacker branch_point grazing"},
+        "amplitude_rms", POINT, "f8", "m",
+        "root mean square of the dynamic transmission error about its mean, of the mesh where it is largest",
     ),
-    Variable("multiplicity", (ROWS, "point"), "i1", "1", "how many multipliers, or pairs of them, cross at once"),
-    *along_branches(MULTIPLIERS),
-    Variable("residual", (ROWS, "point"), "f8", "1", "difference of the motion's end and start, over its extent"),
+    Variable(
+        "amplitude_peak", POINT, "f8", "m",
+        "largest deviation of the dynamic transmission error from its mean, of the mesh where it is largest",
+    ),
+    Variable(
+        "stable", POINT, "i1", "1", "stability of the motion",
+        {"flag_values": [-1, 0, 1], "flag_meanings": "no_motion unstable stable"}, missing=-1,
+    ),
+    Variable("multipliers", (*POINT, "multiplier"), "c16", "1", "Floquet multipliers of the motion"),
+    *along_branches(tuple(v for v in MULTIPLIERS if v.name in ("multiplier_error", "loss"))),
+    Variable(
+        "event", POINT, "i1", "1", "what multipliers do there that cross the unit circle, or that a flank is grazed",
+        {"flag_values": [0, 1, 2, 3, 4, 5],
+         "flag_meanings": "none fold period_doubling neimark_sacker grazing branch_point"},
+    ),
+    Variable("multiplicity", POINT, "i1", "1", "how many multipliers, or pairs of them, cross at once"),
+    Variable("period", ("branch", ROWS), "i4", "1", "cycles of the first mesh after which motions repeat themselves"),
+    Variable("parent", ("branch", ROWS), "i4", "1", "branch that this one leaves, from 0", missing=-1),
+    Variable("residual", POINT, "f8", "1", "difference of the motion's end and start, over its extent"),
     *along_branches(tuple(
         v for v in BACKLASH_SPEED_RESPONSE
         if v.name in ("mesh", "mesh_force_peak", "transmission_error_peak_to_peak", "transmission_error_rms",
                       "contact_loss_ratio")
     )),
     Variable(
-        "jump", (ROWS, "point"), "i1", "1", "whether stable motions end there, so that the motion jumps",
+        "jump", POINT, "i1", "1", "whether stable motions end there, so that the motion jumps",
         {"flag_values": [-1, 0, 1], "flag_meanings": "in_falling_speed no in_rising_speed"},
     ),
+    Variable("landing_branch", POINT, "i4", "1", "branch that it jumps to, from 0", missing=-1),
     Variable(
-        "landing", (ROWS, "point"), "i4", "1", "motion next to the one that it jumps to",
+        "landing_point", POINT, "i4", "1", "motion next to the one that it jumps to",
         {"comment": "position along the dimension point, from 0, or -1"}, missing=-1,
     ),
-    Variable("status", (ROWS, "point"), "i2", "1", "why a branch ends there, and what is to be said of the motion"),
+    Variable("status", POINT, "i2", "1", "why a branch ends there, and what is to be said of the motion"),
 )  # fmt: skip
 """Periodic motions with backlash, followed through folds."""
 

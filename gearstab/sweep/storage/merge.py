@@ -82,9 +82,12 @@ def _method_group(finished: Finished, layout: Layout, beside: list[Field]) -> Gr
     plan, parts = finished.plan, {block.key: finished.blocks[block.key] for block in layout.blocks()}
     tongues = layout.method.unite(part.tongues for part in parts.values())
     values = {**tongue_coordinates(tongues), **layout.method.constants()}
-    fields = []
+    axes, fields = {axis.name for axis in plan.config.axes}, []
     for variable in in_units_of(plan.base, layout.method.variables()):
         resolved = variable.over(layout.dims, layout.dims)
+        if resolved.name in axes:
+            # As a coordinate of its own it stands before the axis of that name, which groups inherit.
+            resolved = replace(resolved, coordinate=True)
         if variable.coordinate:
             if variable.name in values:
                 fields.append(Field(resolved, values[variable.name]))

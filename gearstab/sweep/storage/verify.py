@@ -83,7 +83,7 @@ def _sound(layout: Layout, block: GridBlock, variable: Variable, part: FinishedB
         return False
     if variable.of_parts and "side" in variable.dims:
         return _ascend(_inside(layout, block, variable, data) for data in pieces)
-    if variable.dtype.startswith("f"):
+    if variable.dtype[0] in "fc":
         return True
     return all(_allowed(variable, _inside(layout, block, variable, data), len(part.tongues)) for data in pieces)
 
@@ -131,7 +131,8 @@ def _counted(layout: Layout, block: GridBlock, part: FinishedBlock) -> bool:
     over_points = {
         variable.name: _inside(layout, block, variable, part.pieces(variable.name)[0])
         for variable in layout.method.results
-        if GRID in variable.dims and variable.name in ("stable", "status")
+        if variable.dims == (GRID,) or (variable.name == "status" and GRID in variable.dims)
+        if variable.name in ("stable", "status")
     }
     stable = over_points.get("stable", np.zeros(0))
     counts = int(np.count_nonzero(stable == 0)), int(np.count_nonzero(stable < 0))

@@ -9,22 +9,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
+from gearstab.connections import MachineElement
 from gearstab.errors import NotPossible
 from gearstab.gears.relief import ReliefForce
 from gearstab.rotation import Rotation
-from gearstab.system import Array, GearSystem, PeriodicForce, PeriodicTerm
+from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm, RevolutionError
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
 from gearstab.systems.gearbox.bodies import Support
 from gearstab.systems.gearbox.loads import torques
 from gearstab.systems.gearbox.mesh import from_teeth
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet, TrainSetRows
+from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.kinematics import TrainError, Where
+from gearstab.systems.parts.faults import weak_tooth
+from gearstab.waveforms import Fourier, Rectangular, Tooth
 
 
 def build(p: Any) -> GearSystem:
@@ -37,13 +42,29 @@ def build(p: Any) -> GearSystem:
     pairs = [mesh_element(train, k) for k in range(len(train.pairs))]
     elements = [*_bodies(train), *shaft_elements(train), *_supports(train)]
     elements += [element for row in rows for element in row.planets_of(train.damping_factor)]
-    symmetries = [row.cyclic() for row in rows if row.item.planets.angles is None and not train.shared(row.item)]
+    symmetries = [row.cyclic() for row in rows if _cyclic(train, row)]
     meshes = [mesh for row in rows for mesh in _set_meshes(train, row)] + pairs
     assembly = Assembly(train.coordinates, elements, meshes)
     rotations = tuple(_turning(train, row) for row in rows if row.item.p.carrier_speed is not None)
     system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries), rotations=rotations)
     system = replace(system, forces=(*system.forces, *_reliefs(train, system)))
-    return _rubbed(train, system, [rotors.number(item.p.damping) for item in pairs])
+    system = replace(system, meshes=tuple(_with_errors(train, system)))
+    whole = _rubbed(train, system, [rotors.number(item.p.damping) for item in pairs])
+    return replace(whole, meshes=(*whole.meshes, *_weak_teeth(train, whole)))
+
+
+def _with_errors(train: Train, system: GearSystem) -> Iterator[Mesh]:
+    """Yield the meshes with what repeats with the revolutions of their gears; those of pairs come last."""
+    first = len(system.meshes) - len(train.pairs)
+    yield from system.meshes[:first]
+    for mesh, gears, p in zip(system.meshes[first:], train.pairs, train.p.meshes, strict=True):
+        counts = {train.name(gear): train.teeth(gear) for gear in gears}
+        errors = []
+        for item in p.revolution_errors:
+            count = counts[item.gear]
+            name, ratio = f"{mesh.name}.{item.gear}", Fraction(mesh.frequency_ratio) / count
+            errors.append(RevolutionError(name, Fourier.build(item), ratio, np.asarray(mesh.lag) / count))
+        yield replace(mesh, revolution_errors=tuple(errors))
 
 
 def _reliefs(train: Train, system: GearSystem) -> Iterator[PeriodicForce]:
@@ -64,6 +85,46 @@ def _rows(train: Train, item: TrainSet) -> TrainSetRows:
         message = f"moves in the plane of {item.name}, which turns with its carrier, and is in another mesh as well"
         raise TrainError(place, message, "give that mesh a rotor of its own and join both by a shaft")
     return item.rows(train.coordinates, train.signs)
+
+
+def _cyclic(train: Train, row: TrainSetRows) -> bool:
+    """Whether the mean system has the symmetry of a set: equal planets at equal angles, and no other mesh of a member.
+
+    A weak tooth of sun or ring meets all planets, one of a planet its own meshes only.
+    """
+    spoilt = any(fault.gear == "planet" for fault in row.item.p.faults)
+    return row.item.planets.angles is None and not train.shared(row.item) and not spoilt
+
+
+def _weak_teeth(train: Train, system: GearSystem) -> Iterator[Mesh]:
+    """Yield what the meshes lack while weak pairs of teeth carry."""
+    known = {mesh.name: mesh for mesh in system.meshes}
+    found: dict[str, int] = {}
+
+    def part(name: str, teeth: MeshTeeth, p: Any, fault: Any, count: int, cycles: int) -> Mesh:
+        whole, title = known[name], f"{name}.{fault.gear} tooth {fault.tooth}"
+        found[title] = found.get(title, 0) + 1
+        title += f" ({found[title]})" if found[title] > 1 else ""
+        c, factor = teeth.given_contact_ratio(p), fault.factor
+        overlap = teeth.each(lambda pair: pair.overlap_ratio)
+        if not isinstance(whole.waveform, Tooth):
+            if not teeth.helical:
+                return weak_tooth(whole, title, count, factor, c, cycles)
+            # The wave of helical teeth is that of the transverse section, averaged over the width.
+            whole = replace(whole, waveform=Rectangular(c))
+            return weak_tooth(whole, title, count, factor, c, cycles, overlap=overlap)
+        return weak_tooth(whole, title, count, factor, c, cycles, teeth.one_pair, overlap)
+
+    for item in train.sets:
+        planets_turn, sun_drives, _ = train.power(item)
+        for name, n, fault, cycles in item.weak_pairs(planets_turn, sun_drives):
+            teeth = {"sun": item.teeth.sun, "ring": item.teeth.ring}[name]
+            count = item.counted(fault.gear)
+            yield part(f"{item.name}.{name}.{n}", teeth, teeth.p, fault, count, cycles)
+    for k, gears in enumerate(train.pairs):
+        p, counts = train.p.meshes[k], {train.name(gear): train.teeth(gear) for gear in gears}
+        for fault in p.faults:
+            yield part(p.name, train.teeth_of(k), p, fault, counts[fault.gear], fault.tooth - 1)
 
 
 def _turning(train: Train, rows: TrainSetRows) -> Rotation:
@@ -196,7 +257,7 @@ def shaft_elements(train: Train) -> Iterator[Element]:
         j1, j2 = (train.inertias[train.place[end]] for end in (first, second))
         k = shaft_stiffness(train, shaft)
         c = 2 * rotors.number(shaft.damping_ratio) * np.sqrt(k * j1 * j2 / (j1 + j2))
-        yield Element({first: 1.0, second: -1.0}, stiffness=k, damping=train.damping_factor * c)
+        yield Element({first: 1.0, second: -1.0}, 0.0, k, train.damping_factor * c, shaft.name, MachineElement.SHAFT)
 
 
 def _bodies(train: Train) -> Iterator[Element]:
@@ -207,13 +268,13 @@ def _bodies(train: Train) -> Iterator[Element]:
 def _supports(train: Train) -> Iterator[Element]:
     """Yield mass and support of every rotor that moves in its plane or along its axis, and torsional supports."""
     for rotor, mass in train.masses.items():
-        support = train.rotors[rotor]["support"]
+        support, name = train.rotors[rotor]["support"], train.name(rotor)
         k, axial = rotors.number(support.stiffness), rotors.number(support.axial_stiffness)
-        for along in ((1.0, 0.0), (0.0, 1.0)):
-            yield Element(train.shift(rotor, along), mass, k, _drag(train, rotor))
-        yield Element(train.slide(rotor, 1.0), mass, axial, _drag(train, rotor, "axial_stiffness"))
+        for way, along in (("x", (1.0, 0.0)), ("y", (0.0, 1.0))):
+            yield Element(train.shift(rotor, along), mass, k, _drag(train, rotor), f"{name}.{way}")
+        yield Element(train.slide(rotor, 1.0), mass, axial, _drag(train, rotor, "axial_stiffness"), f"{name}.z")
     for rotor, p in enumerate(train.rotors):
         support = p.get("support") or Support()
         k = rotors.number(support.torsional_stiffness)
         c = 2 * rotors.number(support.damping_ratio) * np.sqrt(k * train.inertias[rotor])
-        yield Element(train.rotation(rotor), stiffness=k, damping=train.damping_factor * c)
+        yield Element(train.rotation(rotor), 0.0, k, train.damping_factor * c, train.name(rotor), MachineElement.SHAFT)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, at_most_one, within
+from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, within
 from gearstab.config.model.fields import (
     Choice,
     Length,
@@ -17,8 +17,9 @@ from gearstab.config.model.fields import (
     Quantity,
     Section,
 )
-from gearstab.config.model.reading import WRONG
-from gearstab.systems.parts.forcing import TransmissionError
+from gearstab.config.model.reading import WRONG, known
+from gearstab.systems.parts.faults import Fault, absent_gear, excluded
+from gearstab.systems.parts.forcing import GearError, TransmissionError
 from gearstab.systems.parts.mesh import Lag, NamedToothMesh, StiffnessOfTeeth, following_conflicts, given_by_teeth
 from gearstab.waveforms import WAVEFORMS
 from gearstab.waveforms.section import has_own_mean, shape_conflicts
@@ -37,8 +38,11 @@ LUBRICATED = ("xu_kahraman", "benedict_kelley")
 
 POWERS = {"linear": 1, "parabolic": 2}
 """Forms of profile relief, and how its depth grows with the distance from where it begins."""
+MEANS = ("mean_stiffness", "max_stiffness", "stiffness_per_width")
+"""Ways to give the mean stiffness, of which a mesh takes one."""
 NOT_WITH_RELIEF = (
-    "mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio", "variation", "friction", "backlash",
+    *MEANS, "epsilon", "amplitude", "contact_ratio", "variation",
+    "friction", "backlash",
 )  # fmt: skip
 """Keys of a mesh whose place relief takes, or for which it is not computed."""
 
@@ -68,6 +72,10 @@ class TrainMeshKeys(StiffnessOfTeeth):
 
     damping_ratio: NonNegative | None = Field(default=None, title="damping ratio of the mesh")
     """zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping."""
+    stiffness_per_width: Annotated[float, Field(gt=0), Quantity("N/m^2")] | None = Field(
+        default=None, title="mesh stiffness per face width"
+    )
+    """c_gamma, the mean over the common face width (N/m^2, "20 N/(mm um)"); or give mean_stiffness."""
     relief: MeshRelief | None = Field(default=None, title="profile relief")
     """Stiffness, of the teeth, and transmission error are those under the given torques; none without."""
 
@@ -138,10 +146,14 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
     peak; or its first harmonic."""
     friction: Friction | None = None
     """Between the teeth; none without."""
+    faults: list[Fault] = Field(default=[])
+    """Weak teeth of either gear."""
+    revolution_errors: list[GearError] = Field(default=[], title="errors of revolutions")
+    """Eccentricity and pitch errors of either gear."""
 
     def conflicts(self, from_teeth: bool = True) -> Iterator[Conflict]:
         """Each quantity once; a wave that is complete where the teeth do not give it."""
-        yield from at_most_one(self, ("mean_stiffness", "max_stiffness"))
+        yield from at_most_one(self, MEANS)
         yield from at_most_one(self, ("epsilon", "amplitude"))
         yield from at_most_one(self, ("damping", "damping_ratio"))
         yield from shape_conflicts(self)
@@ -158,7 +170,23 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
                 "keep one of the two",
             )
         yield from within(self, "friction", Friction.conflicts)
+        yield from known(self._of_revolutions())
         yield from relief_conflicts(self)
+
+    def _of_revolutions(self) -> Iterator[Conflict]:
+        """Errors of revolutions of gears that are in the mesh, with harmonics, and what goes with them."""
+        errors = items(self.revolution_errors)
+        for k, item in errors:
+            rules = (*known(absent_gear(item, self.gears)), *known(item.conflicts()))
+            yield from below("revolution_errors", below(k, rules))
+        if errors:
+            keys = ("friction", "backlash", "relief", "damping_follows_stiffness")
+            yield from excluded(self, keys, "revolution_errors")
+
+
+def per_width(p: Any) -> Any:
+    """Return the given stiffness per face width of a mesh, None also of a mesh that takes none."""
+    return getattr(p, "stiffness_per_width", None)
 
 
 def from_teeth(p: Any) -> frozenset[str]:
@@ -167,7 +195,8 @@ def from_teeth(p: Any) -> frozenset[str]:
     if wave.of_teeth:
         return frozenset((MEAN, VARIATION, CONTACT_RATIO, WAVE))
     found = set()
-    if not has_own_mean(p) and p.mean_stiffness is None and p.max_stiffness is None:
+    own = has_own_mean(p) or p.mean_stiffness is not None or p.max_stiffness is not None
+    if not own or per_width(p) is not None:
         found.add(MEAN)
     if not wave.own_variation and p.epsilon is None and p.amplitude is None:
         found.add(VARIATION)
@@ -179,4 +208,5 @@ def from_teeth(p: Any) -> frozenset[str]:
 def needs_width(p: Any) -> bool:
     """Whether the face widths of the gears of a mesh matter."""
     rubs = getattr(p, "friction", None) is not None and p.friction.kind != "constant"
-    return rubs or (MEAN in from_teeth(p) and p.single_pair_stiffness is None)
+    measured = p.single_pair_stiffness is not None and per_width(p) is None
+    return rubs or (MEAN in from_teeth(p) and not measured)

@@ -21,7 +21,7 @@ from gearstab.rotation import Rotation
 from gearstab.system import Array, Cyclic
 from gearstab.systems.assembly import Coordinates, Element, Row, total
 from gearstab.systems.gearbox import rotors
-from gearstab.systems.gearbox.set_sections import Planets, SetPhases
+from gearstab.systems.gearbox.set_sections import Planets, SetFault, SetPhases
 from gearstab.systems.kinematics import MeshMotion, TrainError, Where
 from gearstab.systems.planetary.angles import ASSEMBLE, FIT, angles_of
 from gearstab.systems.planetary.feasibility import assembly
@@ -145,6 +145,30 @@ class TrainSet:
         between = between if phases.sun_ring is None else rotors.number(phases.sun_ring)
         return {"sun": [*sun], "ring": [(np.asarray(lag, dtype=float) + between) % 1 for lag in sun]}
 
+    def weak_pairs(self, planets_turn: int, sun_drives: bool) -> Iterator[tuple[str, int, SetFault, int]]:
+        """Yield every mesh, ``sun`` or ``ring`` and the planet's number, in which a weak tooth carries, and when.
+
+        That is the section of the fault, and the number of cycles that its pair enters after the start of the wave of
+        the mesh. A tooth of sun or ring meets the planets in turn. A planet's tooth comes from the sun to the ring in
+        z_p/2 cycles, half a cycle less where the sun drives, and half a cycle more where it is driven: a crack weakens
+        both meshes.
+        """
+        lags, turns = self.lags(planets_turn, sun_drives), self.turns
+        for fault in self.p.faults:
+            gear, first = fault.gear, fault.tooth - 1
+            if gear == "planet":
+                n = fault.planet or 1
+                meets = {"sun": 0.0, "ring": self.counted("planet") / 2 + (-0.5 if sun_drives else 0.5)}
+                wanted = ("sun", "ring") if fault.kind == "crack" else (fault.flank or "sun",)
+                for name in wanted:
+                    after = meets[name] + _first(lags["sun"][n - 1]) - _first(lags[name][n - 1])
+                    yield name, n, fault, round(after) + first
+                continue
+            sense = -planets_turn if gear == "sun" else planets_turn
+            for n, turn in enumerate(turns, start=1):
+                start = sense * self.counted(gear) * _first(turn) + _first(lags[gear][0])
+                yield gear, n, fault, round(start - _first(lags[gear][n - 1])) + first
+
     @property
     def coordinates(self) -> dict[str, str]:
         """Coordinates of the planets and their units."""
@@ -214,10 +238,10 @@ class TrainSetRows(SetRows):
                 yield Element(self.shift(f"planet{n}", *along), mass=mass)
             if support is None:
                 continue
-            for row in self.bearing(n):
+            for way, row in zip(("radial", "tangential"), self.bearing(n), strict=True):
                 k = rotors.number(support.stiffness)
                 c = 2 * rotors.number(support.damping_ratio) * np.sqrt(k * mass)
-                yield Element(row, stiffness=k, damping=factor * c)
+                yield Element(row, stiffness=k, damping=factor * c, name=f"{self.name(f'planet{n}')}.{way}")
 
     def turning(self, members: Mapping[str, tuple[Any, Any]], ratio: Fraction) -> Rotation:
         """Return the terms of the carrier's speed. members: mass and damping to the housing of those that move."""
@@ -236,3 +260,8 @@ class TrainSetRows(SetRows):
         turn = turn_matrix(self.coordinates.index, self.planets, [wave for wave in waves if wave[0] in known], cycles)
         moving = any(wave[0] in known for wave in waves)
         return Cyclic(self.planets, turn, TYPES if moving else (TYPES[0], TYPES[2]), name=self.item.name)
+
+
+def _first(value: Any) -> float:
+    """The number, or the first of a batch: all of it comes to the same tooth."""
+    return float(np.ravel(np.asarray(value, dtype=float))[0])

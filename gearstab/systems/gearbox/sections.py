@@ -28,9 +28,10 @@ from gearstab.systems.gearbox.feasibility import check_train
 from gearstab.systems.gearbox.mesh import LUBRICATED, Friction, GearboxMesh
 from gearstab.systems.gearbox.missing import missing_of_teeth
 from gearstab.systems.gearbox.rotors import moves, slides, turns
-from gearstab.systems.gearbox.set_sections import PlanetarySet, by_name, complete_angles
+from gearstab.systems.gearbox.set_sections import PlanetarySet, by_name, complete_angles, set_fault_conflicts
 from gearstab.systems.gearbox.set_sections import conflicts as set_conflicts
 from gearstab.systems.gearbox.train import Train
+from gearstab.systems.parts.faults import fault_conflicts
 from gearstab.systems.parts.mesh import ToothMesh
 
 if TYPE_CHECKING:
@@ -170,7 +171,7 @@ class Gearbox(System):
         yield from within_each(self, "rotors", Rotor.conflicts)
         yield from within_each(self, "shafts", Shaft.conflicts)
         rules = (self._own_names, self._named_rotors, lambda: set_conflicts(self), lambda: missing_of_teeth(self))
-        for rule in (*rules, self._loaded, self._torques):
+        for rule in (*rules, self._loaded, self._torques, self._faults):
             yield from known(rule())
 
     def _own_names(self) -> Iterator[Conflict]:
@@ -223,6 +224,12 @@ class Gearbox(System):
             if relief is not None and unloaded:
                 message = "what relief does depends on the load, and there are no torques"
                 yield (*place, "relief"), "needs_other", message, "add a torque to input, and outputs, or remove relief"
+
+    def _faults(self) -> Iterator[Conflict]:
+        """Weak teeth that there are, of gears that are in the mesh."""
+        counts = {rotor.name: rotor.teeth for _, rotor in items(self.rotors) if isinstance(rotor.name, str)}
+        yield from within_each(self, "meshes", lambda mesh: fault_conflicts(mesh, mesh.gears, counts))
+        yield from within_each(self, "planetary_sets", lambda item: set_fault_conflicts(item, counts))
 
     def _lubricated(self, friction: Friction, unloaded: bool) -> Iterator[Conflict]:
         kind = friction.kind

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar
 
@@ -11,7 +11,7 @@ from pydantic import Field
 from gearstab.config.document.problems import nearest
 from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, wrong_length
+from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, within_each, wrong_length
 from gearstab.config.model.fields import (
     Choice,
     Count,
@@ -25,11 +25,13 @@ from gearstab.config.model.fields import (
     Section,
     ToothCount,
     Turns,
+    Whole,
     also,
 )
-from gearstab.config.model.reading import WRONG, known
+from gearstab.config.model.reading import WRONG, known, told
 from gearstab.systems.gearbox.bodies import Rotor, Support, Teeth
-from gearstab.systems.gearbox.mesh import TrainMeshKeys, relief_conflicts
+from gearstab.systems.gearbox.mesh import MEANS, TrainMeshKeys, relief_conflicts
+from gearstab.systems.parts.faults import Fault, fault_conflicts
 from gearstab.systems.parts.mesh import Named, ToothMesh
 from gearstab.systems.planetary import angles
 from gearstab.systems.planetary.angles import ASSEMBLE
@@ -38,6 +40,8 @@ from gearstab.systems.planetary.phasing import RULES
 
 MEMBERS = ("sun", "ring", "carrier")
 """Members of a set, each a rotor."""
+FAULTY = ("sun", "planet", "ring")
+"""Gears of a set."""
 
 
 class Planets(Teeth):
@@ -90,6 +94,27 @@ class SetPhases(Section):
     """gamma_sr from entry to entry, the default, or from pitch_point to pitch_point."""
 
 
+class SetFault(Fault):
+    """A weak tooth of a gear of a set."""
+
+    gear: Annotated[str, Choice("gear of a set", FAULTY)]
+    """sun, planet or ring."""
+    planet: Annotated[int, Field(ge=1), Whole] | None = Field(default=None, title="number of the planet")
+    """Of a weak tooth of a planet, from 1; 1 without."""
+    flank: Annotated[str, Choice("mesh", ("sun", "ring"))] | None = Field(default=None, title="flank with the pit")
+    """That in the sun's mesh or the ring's; sun without."""
+
+    def of_planets(self, count: Fraction) -> Iterator[Conflict]:
+        """A planet and a flank only of teeth of planets, of which there are ``count``."""
+        for key in ("planet", "flank"):
+            if self[key] is not None and self.gear != "planet":
+                yield (key,), "not_applicable", f"a tooth of the {self.gear} has none", "remove it"
+        if self.gear == "planet" and self.flank is not None and self.kind == "crack":
+            yield ("flank",), "not_applicable", "a crack weakens both flanks", "remove it, or kind: pit"
+        if self.planet is not None and self.planet > count:
+            yield ("planet",), "out_of_range", f"there are {count} planets", f"write 1 to {count}"
+
+
 class PlanetarySet(Named):
     """A sun, planets on a carrier and a ring; each member is a rotor of the train."""
 
@@ -111,6 +136,8 @@ class PlanetarySet(Named):
     """from_teeth: with the gyroscopic and centripetal terms of the turning carrier; none without."""
     phases: SetPhases | None = Field(default=None, title="mesh phases")
     """How far the ring's meshes lag the sun's."""
+    faults: list[SetFault] = Field(default=[])
+    """Weak teeth of sun, planets and ring."""
 
 
 def by_name(box: Any) -> dict[str, Rotor] | None:
@@ -151,7 +178,7 @@ def _members(item: PlanetarySet, rotors: dict[str, Rotor]) -> Iterator[Conflict]
 def _meshes(item: PlanetarySet) -> Iterator[Conflict]:
     for name, mesh in items(item.meshes):
         wrong = [*known(mesh.conflicts(True)), *known(at_most_one(mesh, ("damping", "damping_ratio")))]
-        wrong += known(relief_conflicts(mesh))
+        wrong += [*known(at_most_one(mesh, MEANS)), *known(relief_conflicts(mesh))]
         yield from below("meshes", below(name, wrong))
     phases = item.phases
     if phases is not None and phases is not WRONG and phases.rule is not None and phases.sun_ring is not None:
@@ -169,6 +196,17 @@ def _teeth(item: PlanetarySet, rotors: dict[str, Rotor]) -> Iterator[Conflict]:
         return  # the fit of given angles is looked at where the train is built
     for path, code, message, hint in assembly(int(sun), int(planets.teeth), int(ring), planets.count):
         yield ("planets", path[-1] if path[-1] == "angles" else "teeth"), code, message, hint
+
+
+def set_fault_conflicts(item: PlanetarySet, teeth: Mapping[str, Fraction | None]) -> Iterator[Conflict]:
+    """Yield what contradicts itself in the ``faults`` of a set. teeth: of the rotors, by name."""
+    counts = {
+        "sun": told(lambda: teeth.get(item.sun)),
+        "planet": told(lambda: item.planets.teeth),
+        "ring": told(lambda: teeth.get(item.ring)),
+    }
+    yield from fault_conflicts(item, FAULTY, counts)
+    yield from within_each(item, "faults", lambda fault: fault.of_planets(item.planets.count))
 
 
 def complete_angles(document: Document, raw: dict[str, Any]) -> None:

@@ -20,11 +20,11 @@ from gearstab.gears.friction import (
     mesh_friction,
 )
 from gearstab.gears.geometry import Gear
-from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, mesh_stiffness
+from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.gears.relief import FlankRelief, LoadedMesh, Relief, loaded_mesh
 from gearstab.system import Array
-from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, POWERS, VARIATION, WAVE, from_teeth
+from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, POWERS, VARIATION, WAVE, from_teeth, per_width
 from gearstab.systems.gearbox.rotors import number
 from gearstab.waveforms import WAVEFORMS, Fourier, Helical, Tooth
 from gearstab.waveforms.tooth import Piecewise, stacked
@@ -194,7 +194,9 @@ class MeshTeeth:
         wanted = from_teeth(self.p)
         kind = self.p.waveform.kind
         rectangular = WAVEFORMS[kind].has_contact_ratio
-        if MEAN in wanted:
+        if per_width(self.p) is not None:
+            p["mean_stiffness"] = number(per_width(self.p)) * self.each(lambda pair: pair.face_width)
+        elif MEAN in wanted:
             p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
         if CONTACT_RATIO in wanted and rectangular:
             p["contact_ratio"] = self.contact_ratio
@@ -217,6 +219,21 @@ class MeshTeeth:
             return whole
         pairs = [whole.fourier(s) for s in range(1, int(harmonics) + 1)]
         return Fourier(*(np.stack([pair[side] for pair in pairs], axis=-1) for side in (0, 1)))
+
+    def given_contact_ratio(self, p: Any) -> Array:
+        """Return the contact ratio that a mesh with these parameters gives, else that of the teeth."""
+        given = p.contact_ratio
+        return self.each(lambda pair: pair.contact_ratio) if given is None else np.asarray(given, dtype=float)
+
+    def one_pair(self, x: Array, cycle: Array) -> Array:
+        """The computed stiffness of a pair of teeth, x mesh periods after it entered, ``(..., *batch)``."""
+        found = np.empty(np.broadcast_shapes(np.shape(x), self.batch))
+        x, cycle = np.broadcast_to(x, found.shape), np.broadcast_to(cycle, found.shape).astype(int)
+        for k, index in enumerate(np.ndindex(*self.batch)):
+            of = (..., *index)
+            every = contact_stiffness(self.pairs[k], x[of], self.models[k])[1]
+            found[of] = np.take_along_axis(every, cycle[of][..., None], axis=-1)[..., 0]
+        return found
 
     def friction(self, law: Any, speed: Array, force: Array) -> Rubbing:
         """Its functions of the mesh phase, at the driver's |speed| (rad/s) under the static mesh |force| (N)."""

@@ -69,6 +69,13 @@ class TransmissionError(Section):
         yield from no_harmonics(self, "m")
 
 
+class GearError(TransmissionError):
+    """A transmission error that repeats with the revolution of a gear, as a Fourier series over it."""
+
+    gear: NameText
+    """Name of the gear that has it."""
+
+
 class Force(Section):
     """A periodic external force, given by its Fourier series."""
 
@@ -93,7 +100,7 @@ class Force(Section):
 
 def no_harmonics(series: TransmissionError | Force, unit: str) -> Iterator[Conflict]:
     """A conflict where neither sin nor cos has an entry, nor an unknown key stands for them."""
-    if series.model_fields_set <= Force.model_fields.keys() and not series.sin and not series.cos:
+    if series.model_fields_set <= {*Force.model_fields, *GearError.model_fields} and not series.sin and not series.cos:
         yield (), "missing", "has no harmonics", f"add sin: [..] or cos: [..], amplitudes of the harmonics ({unit})"
 
 

@@ -131,8 +131,8 @@ def given_by_teeth(mesh: ToothMesh) -> Iterator[Conflict]:
     wave = wave_of(mesh.waveform)
     if wave is None or not wave.of_teeth:
         return
-    for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
-        if mesh[key] is not None:
+    for key in ("mean_stiffness", "max_stiffness", "stiffness_per_width", "epsilon", "amplitude", "contact_ratio"):
+        if getattr(mesh, key, None) is not None:
             remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
             yield (key,), "already_given", "the teeth give it", f"{remedy}single_pair_stiffness and variation"
 

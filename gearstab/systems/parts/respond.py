@@ -187,4 +187,6 @@ def drives(system: Any) -> bool:
     meshes = [mesh for _, mesh in items(getattr(system, "meshes", None))]
     if any(mesh.transmission_error is not None for mesh in meshes):
         return True
-    return any(value is WRONG or bool(value) for value in (getattr(system, key, None) for key in ("load", "forces")))
+    given = [getattr(system, key, None) for key in ("load", "forces")]
+    given += [getattr(mesh, "revolution_errors", None) for mesh in meshes]
+    return any(value is WRONG or bool(value) for value in given)

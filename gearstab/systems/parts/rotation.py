@@ -50,7 +50,7 @@ class RotationSection(Section):
 
 
 def rotations(sections: Sequence[RotationSection]) -> tuple[Rotation, ...]:
-    """Return the rotations that sections describe."""
+    """Return the rotations that sections describe; a speed ratio of 0 is none."""
     return tuple(
         Rotation(
             part.speed_ratio,
@@ -58,6 +58,7 @@ def rotations(sections: Sequence[RotationSection]) -> tuple[Rotation, ...]:
             **{name: matrix(part[name]) for name in OF_ROTATION if part[name] is not None},
         )
         for part in sections
+        if part.speed_ratio != 0
     )
 
 

@@ -188,13 +188,14 @@ def _supports(gear: _Gear, p: Any, ring_angle: Array) -> Iterator[Element]:
         "ring_rotation": 2 * np.pi * tangential / np.cos(ring_angle) ** 2 + given.get("ring_rotation", zero),
     }
     for body in CENTRAL:
-        for along in ((1.0, 0.0), (0.0, 1.0)):
-            yield Element(gear.shift(body, *along), stiffness=springs.get(body, zero))
-        yield Element({f"{body}_rotation": 1.0}, stiffness=springs.get(f"{body}_rotation", zero))
+        for way, along in (("x", (1.0, 0.0)), ("y", (0.0, 1.0))):
+            yield Element(gear.shift(body, *along), stiffness=springs.get(body, zero), name=f"{body}_{way}")
+        twist = f"{body}_rotation"
+        yield Element({twist: 1.0}, stiffness=springs.get(twist, zero), name=twist)
     for m in gear.waves:
         bending = np.asarray(p.ring.bending_stiffness, dtype=float) * (m * (m**2 - 1)) ** 2
         for kind in "cs":
             yield Element({f"ring_{kind}{m}": 1.0}, stiffness=np.pi * (bending + tangential + m**2 * radial))
     for n in gear.numbers if gear.planar else ():
-        for row in gear.bearing(n):
-            yield Element(row, stiffness=given.get("planet", zero))
+        for way, row in zip(("radial", "tangential"), gear.bearing(n), strict=True):
+            yield Element(row, stiffness=given.get("planet", zero), name=f"planet{n}_{way}")

@@ -13,7 +13,7 @@ from pydantic import Field
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one
 from gearstab.config.model.fields import Flag, Quantity, Ratio, Section
-from gearstab.config.model.reading import known
+from gearstab.config.model.reading import known, told
 from gearstab.rotation import Rotation
 from gearstab.system import Array
 from gearstab.systems.planetary.phasing import Turning
@@ -28,7 +28,7 @@ class CarrierSpeed(Section):
     speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(
         default=None, title="speed ratio of the carrier"
     )
-    """W_c/Omega, exact: "1/99"; or in short."""
+    """W_c/Omega, exact: "1/99"; or in short; 0: at rest."""
     speed: Annotated[float, Quantity("rad/s")] | None = Field(default=None, title="speed of the carrier")
     """W_c, held whatever the mesh frequency (rad/s, "30 rpm")."""
     from_teeth: Flag = Field(default=False, title="speed from the teeth")
@@ -44,6 +44,8 @@ class CarrierSpeed(Section):
 
     def conflicts(self, gear: Any) -> Iterator[Conflict]:
         """One speed, of a gear whose bodies move in the plane and whose elastic ring does not turn."""
+        if told(lambda: self.speed_ratio == 0 and self.speed is None and not self.from_teeth):
+            return  # a carrier that does not turn: nothing depends on it, whatever the gear
         if not self.from_teeth:
             yield from exactly_one(self, ("speed_ratio", "speed"))
         elif not gear.teeth:
@@ -81,7 +83,7 @@ def rotations(p: Any, mass: Array, frame: Array, carrier: int) -> tuple[Rotation
     ratio = given.speed_ratio
     if given.from_teeth and teeth and (moving := Turning.of(p, int(teeth.sun), int(teeth.ring))):
         ratio = moving.carrier
-    if not ratio and given.speed is None:
+    if not ratio and not np.any(0.0 if given.speed is None else given.speed):
         return ()
     speed, back = np.asarray(0.0 if given.speed is None else given.speed, dtype=float), frame.T
     rotation = Rotation(ratio, speed, gyroscopic=mass @ frame - back @ mass, centripetal=-back @ mass @ frame)

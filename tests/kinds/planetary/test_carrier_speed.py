@@ -98,6 +98,21 @@ def test_the_free_rotation_colours_no_map(damping_ratio: float) -> None:
     assert (found.growth_rate <= 0).all()
 
 
+@pytest.mark.parametrize("speed", [0, "0", {"speed_ratio": 0}, {"speed": "0 rpm"}])
+def test_a_carrier_at_rest_is_one_without_a_speed(speed: Any) -> None:
+    """Also where a speed could not be taken, as of bodies that only rotate."""
+    case = FRAMES[0]
+    omega = np.linspace(3e3, 9e4, 40)
+    own, none = (section(case["parameters"], given, case, damping_ratio=0.01) for given in (speed, None))
+    np.testing.assert_array_equal(solve(built(own), omega).growth_rate, solve(built(none), omega).growth_rate)
+
+
+def test_a_carrier_at_rest_fits_bodies_that_only_rotate() -> None:
+    gear = section(FRAMES[0]["parameters"], 0, FRAMES[0], motion="rotational")
+    gear["supports"] = {key: k for key, k in gear["supports"].items() if key == "planet" or key.endswith("_rotation")}
+    assert not built(gear).rotations
+
+
 def test_waves_of_a_ring_at_rest_pass_the_frame() -> None:
     """A ring that no mesh holds: its waves w_m are seen with w_m + m W and w_m - m W from the carrier."""
     speed, planets = 0.05, 4

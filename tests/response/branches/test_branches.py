@@ -25,7 +25,7 @@ ALWAYS, CONTACT = CASES
 @cache
 def searched(number: int) -> BranchSearch:
     low, high = CASES[number]["branch_from_to"]
-    found = BranchSearch(SectionMap(pair(CASES[number])), StepLimits(low, high, most=1500), switch=True)
+    found = BranchSearch(SectionMap(pair(CASES[number])), StepLimits(low, high, most=1500), {DOUBLING})
     found.run(Starts((0.7, 1.2)))
     return found
 
@@ -141,7 +141,7 @@ def integrated(case: dict[str, Any], omega: float, state: Array, periods: int) -
 def test_without_loss_of_contact_the_branch_is_the_linear_steady_state() -> None:
     """To 1e-10, with the load tenfold so that the teeth never part above 1.3."""
     case = ALWAYS | {"parameters": ALWAYS["parameters"] | {"load_F": 5.0}}
-    found = BranchSearch(SectionMap(pair(case)), StepLimits(1.3, 1.7, most=100), switch=False)
+    found = BranchSearch(SectionMap(pair(case)), StepLimits(1.3, 1.7, most=100))
     (branch,) = found.run(Starts((1.5,)))
     assert len(branch.motions) > 5
     omega = np.array([motion.parameter for motion in branch.motions])
@@ -245,3 +245,22 @@ def test_folds_of_a_smoothed_gap_go_to_ours() -> None:
     np.testing.assert_allclose(order, [2, 1.5, 2], atol=0.05)
     limit = folds[2] + (folds[2] - folds[1]) / (2**order - 1)
     assert (np.abs(limit - ours) < [1e-5, 5e-5, 1e-5]).all()
+
+
+def test_motions_that_graze_are_where_the_linear_force_vanishes() -> None:
+    """The first loss of contact is where the least mesh force of teeth that stick to each other is 0: found without any
+    contact. Within 1e-5 of a step, 1e-6 of the mesh frequency, near folds
+    more of the force.
+    """
+    branch = searched(0).found[0]
+    first = [m for m in branch.motions if m.kind == GRAZING and m.cycle.contact_loss[0] < 1e-2]
+    # Two that lie within one step cancel each other's contacts.
+    assert len(first) >= 3
+    assert all(motion.grazing for motion in first)
+    omega = np.array([motion.parameter for motion in first])
+    least = speed_response(pair(ALWAYS), omega, 400).mesh_force_min[0, :, 0]
+    np.testing.assert_allclose(least, 0, atol=5e-5)
+    # Two more are in the other flank, which the motion is 2 away from.
+    others = [m for m in branch.motions if m.kind == GRAZING and m.cycle.contact_loss[0] > 0.1]
+    assert others
+    assert all(motion.cycle.peak_to_peak[0] > 2 for motion in others)

@@ -32,7 +32,7 @@ def two(coupling: float) -> GearSystem:
 
 
 def searched(coupling: float, low: float, high: float, start: float) -> BranchSearch:
-    found = BranchSearch(SectionMap(two(coupling)), StepLimits(low, high, most=400), switch=True)
+    found = BranchSearch(SectionMap(two(coupling)), StepLimits(low, high, most=400), {DOUBLING, BRANCHING})
     found.run(Starts((start,)))
     return found
 

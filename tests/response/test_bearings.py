@@ -1,0 +1,110 @@
+"""Forces of bearings and torques of shafts against balances of forces and a numerical integration."""
+
+from math import tau
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import gearstab
+from gearstab.config import ConfigError
+
+SPEED = 7000.0
+TRAIN = {
+    "kind": "two_stage",
+    "inertias": [1.0, 0.3, 4.0],
+    "input_shaft_stiffness": 1.0e8,
+    "damping_ratio": 0.05,
+    "load": [900.0, 0.0, 900.0],
+    "meshes": [
+        {"name": name, "mean_stiffness": 1.0e8, "epsilon": 0.3, "waveform": {"kind": "fourier", "cos": [1.0]}}
+        for name in ("first", "second")
+    ],
+}
+GEARBOX = {
+    "kind": "gearbox",
+    "gears": {"pressure_angle": "20 deg"},
+    "rotors": [
+        {"name": "motor", "inertia": 2e-3},
+        {"name": "pinion", "teeth": 20, "module": 0.003, "face_width": 0.02, "mass": 0.4, "inertia": 2e-4,
+         "support": {"stiffness": 2e8, "damping_ratio": 0.03}},
+        {"name": "wheel", "teeth": 40, "module": 0.003, "face_width": 0.02, "mass": 1.5, "inertia": 3e-3,
+         "support": {"stiffness": 3e8, "damping_ratio": 0.03}},
+    ],
+    "shafts": [{"name": "coupling", "between": ["motor", "pinion"], "stiffness": 4e3, "damping_ratio": 0.02}],
+    "meshes": [{"gears": ["pinion", "wheel"], "mean_stiffness": 2e8, "epsilon": 0.25, "contact_ratio": 1.6}],
+    "input": {"rotor": "motor", "torque": 50.0},
+    "outputs": [{"rotor": "wheel"}],
+}  # fmt: skip
+
+
+def swept(system, speeds, **options):
+    """Return the steady states of a system over mesh frequencies."""
+    methods = {"response": {"bearings": True, **options}}
+    return gearstab.sweep({"system": system, "sweep": {"mesh_frequency": speeds}, "methods": methods})["response"]
+
+
+def test_shaft_of_a_train_as_a_numerical_integration_finds_it():
+    """A general integrator, followed for 50 e-folds of the slowest decay, knows nothing of periods or panels."""
+    system, found = gearstab.build(TRAIN), swept(TRAIN, [SPEED])
+    inverse = np.linalg.inv(system.mass)
+    directions = [mesh.direction for mesh in system.meshes]
+
+    def motion(t, x):
+        stiff = 1e8 * (1 + 2 * 0.3 * np.cos(SPEED * t))
+        matrix = system.stiffness + sum(stiff * np.outer(g, g) for g in directions)
+        return np.concatenate([x[3:], inverse @ (system.load - matrix @ x[:3] - system.damping @ x[3:])])
+
+    period, start = tau / SPEED, np.zeros(6)
+    settled = 400 * period
+    times = settled + period * np.arange(2000) / 2000
+    history = solve_ivp(motion, (0, times[-1]), start, "DOP853", times, rtol=1e-11, atol=1e-16).y
+    force = 1e8 * history[0]
+    harmonics = 2 * np.abs(np.fft.rfft(force)[1:5]) / len(force)
+    # Of a peak, 2000 samples a period miss (n pi/2000)^2/2 for the n-th harmonic; the integrator is right to 1e-9.
+    assert float(found["shaft_torque_peak"].squeeze()) == pytest.approx(np.abs(force).max(), rel=1e-5)
+    assert float(found["shaft_torque_mean"].squeeze()) == pytest.approx(force.mean(), rel=1e-7)
+    assert float(found["shaft_torque_rms"].squeeze()) == pytest.approx(force.std(), rel=1e-7)
+    np.testing.assert_allclose(found["shaft_torque_harmonic"].squeeze(), harmonics, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(found["mesh_order"], [1, 2, 3, 4])
+
+
+def test_means_of_all_forces_on_a_body_are_in_balance():
+    found = swept(TRAIN, np.linspace(3000.0, 30000.0, 7).tolist())
+    sums = found["shaft_torque_mean"].squeeze() + found["mesh_force_mean"].sel(mesh="first")
+    # Accelerations and modal damping have no mean; the error is that of the integrals.
+    np.testing.assert_allclose(sums, 900.0, rtol=1e-8)
+
+
+def test_forces_on_a_wheel_are_its_mass_times_its_acceleration():
+    respond = {"mesh_frequency": 9000.0, "steady_state": True, "samples_per_cycle": 4000}
+    found = gearstab.respond({"system": GEARBOX, "respond": respond})["response"]
+    system = gearstab.build(GEARBOX)
+    for name in ("wheel.x", "wheel.y", "pinion.x"):
+        place = system.coordinates.index(name)
+        force = found["bearing_force"].sel(bearing=name) + found["mesh_force"][:, 0] * system.meshes[0].direction[place]
+        step = float(found["time"][1] - found["time"][0])
+        impulse = np.concatenate([[0.0], np.cumsum((force[1:].values + force[:-1].values) / 2) * step])
+        momentum = system.mass[place, place] * found["velocity"].sel(dof=name).values
+        # The trapezoidal rule errs by one jump of the force in a step, at each of two jumps.
+        size = float(np.abs(force).max())
+        np.testing.assert_allclose(momentum[0] - impulse, momentum, rtol=0, atol=2 * size * step)
+
+
+def test_peaks_and_means_of_a_sweep_are_those_of_the_histories():
+    respond = {"mesh_frequency": 9000.0, "steady_state": True, "samples_per_cycle": 4000}
+    history = gearstab.respond({"system": GEARBOX, "respond": respond})["response"]
+    found = swept(GEARBOX, [9000.0], samples_per_cycle=200)
+    for name in ("bearing_force", "shaft_torque"):
+        values, low = history[name].values[:-1], found[f"{name}_peak"].values[0]
+        np.testing.assert_allclose(found[f"{name}_mean"][0], values.mean(axis=0), rtol=1e-3)
+        # Samples lie up to half a step beside a peak, and beside a jump of what the mesh pushes.
+        np.testing.assert_allclose(low, np.abs(values).max(axis=0), rtol=1e-4)
+    assert found["bearing_force_peak"].attrs["units"] == "N"
+    assert found["shaft_torque_peak"].attrs["units"] == "N m"
+
+
+def test_bearings_of_a_train_without_any_are_refused():
+    system = TRAIN | {"input_shaft_stiffness": 0.0}
+    with pytest.raises(ConfigError, match="no bearing and no shaft"):
+        swept(system, [SPEED])
