@@ -14,6 +14,8 @@ LEFT = 4e-4
 """Part of the range, in logarithms, that may be left around all edges together."""
 LEAST = 1e-9
 """The least width, relative to Omega, that is given up at an edge."""
+MOST = 1e-4
+"""The largest, also where no edges share LEFT: shorter pieces are tried before a part is left."""
 NARROW = 0.05
 """Part of an interval that is given up at each of its ends, at most."""
 
@@ -46,6 +48,6 @@ def _of_row(known: Flow, ends: Array) -> list[Certificate]:
     floor = LEFT * widths.sum() / (2 * len(widths))
     found: list[Certificate] = []
     for k, width in enumerate(widths):
-        maker = Maker(known, max(LEAST, min(floor, NARROW * width)))
+        maker = Maker(known, max(LEAST, min(floor, MOST, NARROW * width)))
         found += maker.cover(ends[k], ends[k + 1], (k > 0, k < len(widths) - 1))
     return found

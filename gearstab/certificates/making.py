@@ -146,7 +146,9 @@ class Maker:
         if not np.isfinite(monodromy).all():
             return None
         values, vectors = np.linalg.eig(monodromy)
-        if np.abs(values).max() < 1 and np.linalg.cond(vectors) * np.abs(values).min() * WIDE <= np.abs(values).max():
+        least, most = np.abs(values).min(), np.abs(values).max()
+        # The condition is 1 at least, and takes longest to find.
+        if most < 1 and least * WIDE <= most and np.linalg.cond(vectors) * least * WIDE <= most:
             values, vectors = np.linalg.eig(np.tensordot(self.share, self._generators(low), 1))
             # Of rates what orders and pairs them: multipliers themselves may be below all doubles.
             values = np.exp(values.real / np.abs(values.real).max() - 2 + 1j * np.sign(values.imag))
@@ -179,13 +181,12 @@ class Maker:
             inner = np.linalg.solve(columns, generators @ columns)
         except np.linalg.LinAlgError:
             return columns
-        size = np.zeros((len(pairs), len(pairs)))
-        np.add.at(size, (owner[:, None], owner), np.tensordot(self.share, inner**2, 1))
+        own = (owner == np.arange(len(pairs))[:, None]).astype(float)
+        size = own @ np.tensordot(self.share, inner**2, 1) @ own.T
         np.fill_diagonal(size, 0.0)
-        length = np.ones(len(pairs))
+        length, coupled = np.ones(len(pairs)), size.any(axis=0) & size.any(axis=1)
         for _ in range(BALANCING):
-            into, out = (size / length[:, None] ** 2).sum(axis=0), (size * length**2).sum(axis=1)
-            coupled = (into > 0) & (out > 0)
+            into, out = length**-2 @ size, size @ length**2
             length[coupled] = np.sqrt(length[coupled]) * (out[coupled] / into[coupled]) ** 0.125
         return (columns * length[owner]).astype(np.float32).astype(float)
 

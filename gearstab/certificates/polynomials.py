@@ -7,6 +7,7 @@ c_0 + c_1 z + ... + c_p z^p, where the ball c_p may be another of its matrices a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from math import factorial
 
 import numpy as np
@@ -36,13 +37,13 @@ def exponential(exponent: Sequence[arb_mat], degree: int) -> list[arb_mat]:
     halvings = max(0, int(np.ceil(np.log2(float(total.upper()) / SMALL)))) if total > 0 else 0
     scale, m = arb(2) ** -halvings, exponent[0].nrows()
     small = [term * scale for term in exponent]
-    found = [exact(np.eye(m))] + [0 * exponent[0]] * degree
+    found = [identity(m)] + [0 * exponent[0]] * degree
     for order in range(TERMS, 0, -1):  # Horner's scheme
         found = [term / order for term in product(small, found, degree)]
-        found[0] = found[0] + exact(np.eye(m))
+        found[0] = found[0] + identity(m)
     bound = total * scale
     rest = (bound ** (TERMS + 1) / factorial(TERMS + 1) * bound.exp()).abs_upper()
-    found[0] = found[0] + arb_mat(m, m, [arb(0, rest)] * (m * m))
+    found[0] = found[0] + anything(m) * rest
     for _ in range(halvings):
         found = product(found, found, degree)
     return found
@@ -52,7 +53,7 @@ def pulled_back(terms: Sequence[arb_mat], flow: Sequence[arb_mat], slope: arb_ma
     """F(z)^T P(z) F(z) with F(z) = flow, or flow exp(z B) where there is a slope B: flow is then a matrix."""
     if slope is None:
         return product([term.transpose() for term in flow], product(terms, flow, degree), degree)
-    (step,), rest = flow, remainder(slope)
+    (step,) = flow
     moved = [step.transpose() * term * step for term in terms]
     found = moved + [0 * slope] * (degree + 1 - len(moved))
     for order in range(1, degree + 1):
@@ -61,13 +62,52 @@ def pulled_back(terms: Sequence[arb_mat], flow: Sequence[arb_mat], slope: arb_ma
         moved = [move + move.transpose() for move in moves]
         for k, term in enumerate(moved):
             found[k + order] = found[k + order] + term
-    return [*found[:-1], rest.transpose() * found[-1] * rest]
+    # R^T P R with |R - I| <= r is within (2 r + r^2) |P| of P.
+    rest, last = excess(slope), found[-1]
+    return [*found[:-1], last + anything(slope.nrows()) * (rest * (2 + rest) * size(last)).upper()]
+
+
+def moving(flow: Sequence[arb_mat], slope: arb_mat | None, degree: int) -> list[arb_mat]:
+    """Return a flow, times exp(z B) where there is a slope B, as one polynomial."""
+    terms = list(flow)
+    if slope is not None:
+        for k in range(1, degree + 1):
+            terms.append(terms[-1] * slope / k)
+        terms[-1] = terms[-1] * remainder(slope)
+    return terms
 
 
 def remainder(slope: arb_mat) -> arb_mat:
     """All exp(u z B), 0 <= u <= 1, |z| <= 1."""
-    m, radius = slope.nrows(), (size(slope).exp() - 1).abs_upper()
-    return exact(np.eye(m)) + arb_mat(m, m, [arb(0, radius)] * (m * m))
+    m = slope.nrows()
+    return identity(m) + anything(m) * excess(slope)
+
+
+def excess(slope: arb_mat) -> arb:
+    """Bound |exp(u z B) - I|, 0 <= u <= 1, |z| <= 1."""
+    return (size(slope).exp() - 1).abs_upper()
+
+
+def definite(matrix: arb_mat) -> bool:
+    """Whether a symmetric matrix is shown to be positive definite. Raises LinAlgError where it seems not to be."""
+    middle = near(matrix)
+    lower = exact(np.linalg.inv(np.linalg.cholesky(0.5 * (middle + middle.T))))
+    turned = lower * matrix * lower.transpose()
+    if size(turned - identity(matrix.nrows())) < 1:
+        return True
+    return all(2 * row[i] > sum(map(abs, row), arb(0)) for i, row in enumerate(turned.tolist()))
+
+
+@cache
+def identity(m: int) -> arb_mat:
+    """Return the unit matrix."""
+    return exact(np.eye(m))
+
+
+@cache
+def anything(m: int) -> arb_mat:
+    """Return all matrices with entries between -1 and 1."""
+    return arb_mat(m, m, [arb(0, 1)] * (m * m))
 
 
 def centre(low: arb, high: arb) -> tuple[arb, arb]:
@@ -78,7 +118,7 @@ def centre(low: arb, high: arb) -> tuple[arb, arb]:
 
 def size(matrix: arb_mat) -> arb:
     """The norm that is the root of the sum of squares, from above."""
-    return (matrix.transpose() * matrix).trace().sqrt().upper()
+    return (matrix.transpose() * matrix).trace().abs_upper().sqrt().upper()
 
 
 def exact(matrix: Array) -> arb_mat:
@@ -88,4 +128,4 @@ def exact(matrix: Array) -> arb_mat:
 
 def near(matrix: arb_mat) -> Array:
     """Doubles near the midpoints."""
-    return np.array([float(value) for value in matrix.entries()]).reshape(matrix.nrows(), matrix.ncols())
+    return np.array([*map(float, matrix.entries())]).reshape(matrix.nrows(), matrix.ncols())

@@ -10,6 +10,9 @@ from gearstab.propagation.schedule import schedule
 from gearstab.rotation import factors
 from gearstab.system import Array, GearSystem
 
+ROUNDING = 1e-15
+"""Part of the period by which lengths of segments, differences of numbers up to 1, differ in rounding."""
+
 
 def segments(system: GearSystem) -> list[Segments]:
     """Values of all rows of the flattened batch.
@@ -41,10 +44,20 @@ def segments(system: GearSystem) -> list[Segments]:
         turning = None if following is None else tuple(part[row] for part in following)
         felt = k if turning is None else np.concatenate([k, turning[1:]])
         still = rigid[row] & _unfelt(felt, shapes[row])
-        fractions = found.lengths[row, there].tolist()
+        fractions = _alike(found.lengths[row, there]).tolist()
         own = np.ravel(states).tolist()
         result.append(Segments(mass[row], c, k, own, fractions, cycles, shapes[row][:, still], turning))
     return result
+
+
+def _alike(fractions: Array) -> Array:
+    """Give lengths that differ by rounding the same value: exponentials of segments that are alike are found once."""
+    order = np.argsort(fractions)
+    ascending = fractions[order]
+    first = np.concatenate([[True], np.diff(ascending) > ROUNDING])
+    found = np.empty_like(fractions)
+    found[order] = ascending[first][np.cumsum(first) - 1]
+    return found
 
 
 def _speed_terms(system: GearSystem) -> tuple[list[tuple[bool, Array]], tuple[Array, Array, Array] | None]:

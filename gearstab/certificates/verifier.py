@@ -29,7 +29,8 @@ of a Taylor polynomial of degree p is its term of degree p times an average of e
 between two of them), whose entries differ from those of the unit matrix by exp(|B|) - 1 at most: the last
 coefficient is a ball. So is in the end what is of higher degree than 2. On [-1, 1] c_0 + c_1 z + c_2 z^2 is a convex
 combination of its Bernstein coefficients c_0 - c_1 + c_2, c_0 - c_2, c_0 + c_1 + c_2, and definite if they are. P is
-positive definite if R P R^T has a dominant diagonal for some R: the inverse of a Cholesky factor in floating point.
+positive definite if |R P R^T - I| < 1 for some R, or R P R^T has a dominant diagonal: the inverse of a Cholesky factor
+in floating point. |.| is the root of the sum of squares throughout.
 
 **Matrices that follow the speed.** In the time Omega t, A_s = A_0 + u A_1 + u^2 A_2, u = 1/Omega, over 2 pi N f_s. With
 u = u_0 + h z, exp(f_s 2 pi N A_s) is a polynomial in z with a ball for its last coefficient.
@@ -46,7 +47,18 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from gearstab.certificates.choices import coordinates
-from gearstab.certificates.polynomials import centre, exact, exponential, near, product, pulled_back, remainder, size
+from gearstab.certificates.polynomials import (
+    centre,
+    definite,
+    exact,
+    exponential,
+    identity,
+    moving,
+    near,
+    product,
+    pulled_back,
+    size,
+)
 
 Array = np.ndarray
 Key = tuple[int, float]
@@ -147,7 +159,8 @@ def _grows_or_decays(flow: Flow, piece: Certificate, steps: list[Step], degree: 
     """Theorem 1, from the end of the period to its beginning."""
     signs = np.where(np.arange(len(piece.coordinates)) < piece.outside, 1.0, -1.0)
     form, rate = exact(np.diag(signs)), arb(piece.rate)
-    here = [exact(x) for x in coordinates([near(step.flow[0]) for step in steps], flow.fractions, signs, piece.rate)]
+    middles = {id(step): near(step.flow[0]) for step in steps}
+    here = [exact(x) for x in coordinates([middles[id(s)] for s in steps], flow.fractions, signs, piece.rate)]
     back = [x.inv() for x in here]
     terms, share, span, count = [form], arb(0), arb(0), 0  # of a part
     for s in reversed(range(len(steps))):
@@ -167,15 +180,10 @@ def _keeps_a_form(flow: Flow, piece: Certificate, steps: list[Step], degree: int
     """Theorem 2."""
     if flow.form is None:
         return False
-    start, unit = exact(piece.coordinates), exact(np.eye(len(piece.coordinates)))
+    start, unit = exact(piece.coordinates), identity(len(piece.coordinates))
     form, period = start.transpose() * flow.form * start, [unit]
     for step in steps:
-        terms = list(step.flow)
-        if step.slope is not None:
-            for k in range(1, degree + 1):
-                terms.append(terms[-1] * step.slope / k)
-            terms[-1] = terms[-1] * remainder(step.slope)
-        period = product(terms, period, degree)
+        period = product(moving(step.flow, step.slope, degree), period, degree)
     turned, inverse = [form * term for term in period], form.inv()
     total = [term - inverse * other.transpose() for term, other in zip(period, turned, strict=True)]
     found = [term + term.transpose() for term in turned]
@@ -189,10 +197,4 @@ def _definite_throughout(terms: list[arb_mat]) -> bool:
     constant, linear, square = terms[0], terms[1], terms[2]
     for k, term in enumerate(terms[3:], start=1):
         square = square + term * (arb(0, 1) if k % 2 else (arb(0, 1) + 1) / 2)
-    for bernstein in (constant - linear + square, constant - square, constant + linear + square):
-        middle = near(bernstein)
-        lower = exact(np.linalg.inv(np.linalg.cholesky(0.5 * (middle + middle.T))))
-        turned = (lower * bernstein * lower.transpose()).tolist()
-        if not all(2 * row[i] > sum(map(abs, row), arb(0)) for i, row in enumerate(turned)):
-            return False
-    return True
+    return all(map(definite, (constant - linear + square, constant - square, constant + linear + square)))

@@ -14,6 +14,7 @@ from scenes import TRAIN, ran, result_of, written
 
 pytest.importorskip("flint")
 
+from gearstab.certificates.segments import segments
 from gearstab.cli.report.facts import curve_speeds, state_of
 from gearstab.config import load
 from gearstab.design.problem import Span
@@ -22,6 +23,8 @@ from gearstab.results import open_result
 from gearstab.sweep import Reporter
 from gearstab.sweep.certificates import verify
 from gearstab.systems import build
+
+PLANETARY = Path(__file__).parents[2] / "configs" / "spinning" / "planetary.yaml"
 
 CASE = (
     TRAIN.replace("tooth_ratio: 1\n", "tooth_ratio: 1\n  damping_ratio: 0.01\n")
@@ -224,6 +227,21 @@ def test_what_has_no_certificates_is_refused(tmp_path: Path, old: str, new: str,
     done = ran("check", written(tmp_path, CASE.replace(old, new)))
     assert done.exit_code == 2
     assert said in done.stderr
+
+
+def test_springs_that_give_way_while_the_speed_follows_are_refused(tmp_path: Path) -> None:
+    """Their stiffness is no polynomial of the speed; with the carrier's speed held it is a number, and accepted."""
+    given = PLANETARY.read_text().replace("boundaries: {}", "boundaries: {certificate: true}")
+    done = ran("check", written(tmp_path, given))
+    assert done.exit_code == 2
+    assert "methods.boundaries.certificate: needs springs that do not give way" in done.stderr
+    assert "hold the speed, or remove it" in done.stderr
+    with pytest.raises(ValueError, match="go with the speed or its square"):
+        segments(build(load(PLANETARY).system))
+    held = given.replace("carrier_speed: from_teeth", 'carrier_speed: {speed: "100 rpm"}')
+    range_of_input = 'input_speed: {start: "500 rpm", stop: "30000 rpm"'
+    held = held.replace(range_of_input, "mesh_frequency: {start: 1.0e+3, stop: 2.0e+3")
+    assert ran("check", written(tmp_path, held)).exit_code == 0
 
 
 def test_python_flint_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

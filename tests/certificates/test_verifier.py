@@ -259,7 +259,7 @@ def test_the_proof_imports_nothing_of_the_program() -> None:
     """The verifier needs python-flint, NumPy, a chooser of coordinates and polynomials of matrices; what makes its
     matrices the verifier.
     """
-    library = {"__future__", "collections.abc", "dataclasses", "math", "numpy", "flint"}
+    library = {"__future__", "collections.abc", "dataclasses", "functools", "math", "numpy", "flint"}
     choosing, proving, algebra = (f"gearstab.certificates.{name}" for name in ("choices", "verifier", "polynomials"))
     table = ((choices, set()), (polynomials, set()), (verifier, {choosing, algebra}), (equations, {proving, algebra}))
     for module, allowed in table:

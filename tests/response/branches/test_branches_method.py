@@ -246,7 +246,7 @@ def test_the_keys_and_the_variables_of_users(tmp_path: Path, options: str) -> No
         largest = np.abs(plain["multipliers"][...]).max(axis=-1)
         assert ((largest[there] < 1) == (plain["stable"][...][there] == 1)).all()
         assert (plain["amplitude_peak"][...] > plain["amplitude_rms"][...])[there].all()
-        # The doubling at 1.83 is known; doubled branches repeat themselves every second cycle, and random starts find some.
+        # The doubling at 1.83 is known; doubled branches repeat themselves every second cycle, and starts find some.
         first = np.flatnonzero(data["event"].values[0] == 2)
         np.testing.assert_allclose(
             np.sort(data["mesh_frequency"].values[0, first]), [1.8314512309, 2.1555813535], atol=1e-9
