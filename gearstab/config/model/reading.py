@@ -18,6 +18,7 @@ from gearstab.config.model.introspection import bare, entry_type, field_types, i
 
 Model = TypeVar("Model", bound=BaseModel)
 Item = TypeVar("Item")
+Other = TypeVar("Other")
 
 
 class SkipRule(AttributeError, LookupError):
@@ -44,9 +45,9 @@ def known(values: Iterable[Item]) -> Iterator[Item]:
         return
 
 
-def told(ask: Callable[[], Item]) -> Item | None:
-    """Return an answer, None where it depends on a wrong value."""
-    return next(known(ask() for _ in range(1)), None)
+def told(ask: Callable[[], Item], otherwise: Other | None = None) -> Item | Other | None:
+    """Return an answer, or ``otherwise`` where it depends on a wrong value."""
+    return next(known(ask() for _ in range(1)), otherwise)
 
 
 def is_known(section: Any, path: Path) -> bool:

@@ -39,7 +39,7 @@ def read_respond(document: Document, model: type[System] | None, system: System 
     wanted: type[Respond | PairRespond] = Respond if model is None else model.respond_model()
     size, axis = None if system is None else told(system.size), SpeedAxis()
     if system is not None and wanted is Respond and isinstance(document.data["respond"], dict):
-        axis = _replace_input_speed(document, document.data["respond"], told(system.cycles_of_input))
+        axis = _replace_input_speed(document, document.data["respond"], told(system.cycles_of_input, 1.0))
     respond, errors = read(wanted, document.data["respond"])
     if respond is not WRONG:
         conflicts.report(document, ("respond",), respond.conflicts(system, size), respond)

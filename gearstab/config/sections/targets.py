@@ -141,7 +141,7 @@ def _named(name: str, system: System) -> list[Target]:
     if name == "mesh_frequency":
         return [Target((MESH_FREQUENCY,), AngularFrequency, "mesh frequency")]
     if name == INPUT_SPEED:
-        cycles = told(system.cycles_of_input)
+        cycles = told(system.cycles_of_input, 1.0)
         if cycles is None:
             raise TargetError("the numbers of teeth are not known", UNKNOWN_TEETH, "needs_other")
         own = [Target((path,), AngularFrequency, "input speed") for path in system.follow_speed()]
@@ -193,7 +193,7 @@ def _walk(name: str, parts: list[str], system: System) -> Target:
                 owner = f" of {value_at(value, (index, 'name'))}"
         else:
             raise TargetError("unknown parameter", nearest(name, candidates(system)))
-        value, path = value_at(value, (step,)), (*path, step)
+        value, path = value if value is WRONG else value_at(value, (step,)), (*path, step)
         if value is None and default is None and is_model(annotation) and part != parts[-1]:
             where = dotted(("system", *path))
             raise TargetError(f"there is no {part} here", f"add {where}, of which the axis sets a number")

@@ -26,7 +26,7 @@ from gearstab.config.model.fields import (
     Whole,
     wrong,
 )
-from gearstab.config.model.reading import WRONG, known
+from gearstab.config.model.reading import WRONG, known, told
 
 
 class Initial(Section):
@@ -111,8 +111,8 @@ class Respond(Section):
             hint = "add mesh_frequency (rad/s), or input_speed where the teeth are known"
             yield ("mesh_frequency",), "missing", "is missing", hint
         yield from at_most_one(self, ("mesh_frequency", "input_speed"))
-        driven, parting = drives(system), may_part(system)
-        if self.discard is not None and not parting and system is not None:
+        driven, parting = drives(system), told(lambda: may_part(system))
+        if self.discard is not None and parting is False and system is not None:
             yield ("discard",), "not_applicable", "no mesh has backlash", "remove it, or give a mesh backlash"
         yield from known(self._discarded())
         if self.ramp is not None:
@@ -146,7 +146,7 @@ class Respond(Section):
             hint = "give more cycles, or discard less"
             yield ("discard",), "inconsistent", f"leaves nothing of {self.cycles:g} cycles", hint
 
-    def _of_ramp(self, driven: bool, parting: bool) -> Iterator[Conflict]:
+    def _of_ramp(self, driven: bool, parting: bool | None) -> Iterator[Conflict]:
         if parting:
             message = "teeth with backlash are followed at a constant speed only"
             yield ("ramp",), "not_applicable", message, "remove the ramp or the backlash"
@@ -173,7 +173,7 @@ class Respond(Section):
 def may_part(system: Any) -> bool:
     """Return whether the section ``system`` has a mesh with backlash."""
     given = [mesh.backlash for _, mesh in items(getattr(system, "meshes", None))]
-    return any(value is not None and value is not WRONG and value != 0 for value in given)
+    return any(value is not None and value != 0 for value in given)
 
 
 def drives(system: Any) -> bool:
