@@ -136,7 +136,8 @@ def _shown(data: xr.Dataset, chosen: Mapping[str, tuple[str, float]]) -> xr.Data
     """A group with the chosen coordinates in their units."""
     order = list(data.coords)
     for name, (unit, one) in chosen.items():
-        if name not in data.coords:
+        # Branches have a mesh frequency of each motion under the name of the axis.
+        if name not in data.coords or data[name].dims != (name,):
             continue
         own = data[name]
         attributes = {key: value for key, value in own.attrs.items() if not key.startswith("display_")}

@@ -22,6 +22,7 @@ from gearstab.errors import ResultError
 from gearstab.info import result
 from gearstab.info.jumps import jumps
 from gearstab.results import open_result
+from gearstab.results.display import in_display_units
 from gearstab.results.read import branches_of
 from gearstab.sweep import plan, run
 from gearstab.sweep.compute import compute
@@ -145,6 +146,26 @@ def test_info_names_the_jumps(swept: Path) -> None:
     assert rows[-1]["after"] > rows[-1]["before"]
     text = result.report(facts)
     assert re.search(r"0\.791468 +rising", text)
+
+
+def test_frequencies_typed_in_hertz_jump_in_hertz(tree: xr.DataTree) -> None:
+    """Motions keep their mesh frequency in rad/s where the axis of the same name is shown in Hz."""
+    axis = tree.coords["mesh_frequency"]
+    typed = axis.assign_attrs(units="rad/s", display_units="Hz", display_scale=2 * np.pi)
+    groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
+    groups["/"] = groups["/"].assign_coords(mesh_frequency=typed)
+    shown = in_display_units(xr.DataTree.from_dict(groups))
+    np.testing.assert_allclose(shown.coords["mesh_frequency"], axis / (2 * np.pi), rtol=1e-13)
+    plain, found = jumps(tree), jumps(shown)
+    assert {jump["unit"] for jump in found} == {"Hz"}
+    expected = [jump["value"] / (2 * np.pi) for jump in plain]
+    np.testing.assert_allclose([jump["value"] for jump in found], expected, rtol=1e-13)
+    _, artists = plots.draw(shown, select={"meshes.mesh.epsilon": "0.3"})
+    drawn = np.concatenate([np.asarray(line.get_xdata(), dtype=float) for line in artists["lines"]])
+    low, high = axis.values[[0, -1]] / (2 * np.pi)
+    assert np.nanmin(drawn) >= low * (1 - 1e-12)
+    assert np.nanmax(drawn) <= high * (1 + 1e-12)
+    assert np.ptp(drawn) > 0.9 * (high - low)
 
 
 def test_input_speeds_jump_in_rpm(tmp_path: Path) -> None:
