@@ -12,7 +12,6 @@ from pydantic import Field, PrivateAttr
 from gearstab.config.model.axes import SPEEDS, Axis, replaced
 from gearstab.config.model.fields import Quantity, Section, Whole
 from gearstab.methods.base import POINTS, RANGE, Method, OptionError, Outcome
-from gearstab.response.branches.motions import MOST_BRANCHES
 from gearstab.results.variables import GRID, ROWS, Variable, flagged
 from gearstab.results.variables.responses import BRANCHES
 from gearstab.system import Array, Feature, GearSystem
@@ -76,8 +75,6 @@ class BranchAnalysis(Method):
     relief = "narrow the range of mesh_frequency, or ask for fewer points"
     STARTS: ClassVar[int] = 5
     """Mesh frequencies at which motions are looked for, if not said otherwise."""
-    ROWS: ClassVar[int] = 1
-    """The least number of branches that results have room for."""
 
     @classmethod
     def on(cls, options: BranchesOptions, system: GearSystem) -> Method:
@@ -105,6 +102,11 @@ class BranchAnalysis(Method):
 
         return flagged(BRANCHES, BRANCH_FLAGS)
 
+    @property
+    def rows(self) -> int:
+        """The least number of branches that results have room for."""
+        return 1
+
     def attributes(self) -> dict[str, Any]:
         return super().attributes() | {"start": " ".join(self.options.start)}
 
@@ -112,7 +114,7 @@ class BranchAnalysis(Method):
         return {
             "point": np.arange(1, self.options.points + 1),
             "multiplier": np.arange(1, 2 * self.system.size + 1),
-            "branch": np.arange(self.ROWS),
+            "branch": np.arange(self.rows),
             "mesh": [mesh.name for mesh in self.system.meshes],
         }
 
@@ -137,7 +139,7 @@ class BranchAnalysis(Method):
         wanted = {DOUBLING: own.period_doubling, BRANCHING: own.branch_point}
         search = BranchSearch(laps, limits, frozenset(kind for kind, word in wanted.items() if word == "follow"))
         search.run(starts)
-        found = table(search, self.ROWS, own.points, 2 * self.system.size, len(self.system.meshes))
+        found = table(search, self.rows, own.points, 2 * self.system.size, len(self.system.meshes))
         return dict(vars(found))
 
     @property
@@ -166,8 +168,13 @@ class AxisBranches(BranchAnalysis):
     """The same along another axis, at every mesh frequency; the results do not stand over that axis."""
 
     frequency = POINTS
-    ROWS = MOST_BRANCHES
     section: System
+
+    @property
+    def rows(self) -> int:
+        from gearstab.response.branches.motions import MOST_BRANCHES
+
+        return MOST_BRANCHES
 
     @property
     def left_out(self) -> str:

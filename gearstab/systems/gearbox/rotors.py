@@ -61,14 +61,11 @@ def hands(rotors: Sequence[dict[str, Any]], mates: Sequence[tuple[int, int, bool
     """Return the hand of every rotor: as given by ``hand`` or a negative helix angle, else such as meshes.
 
     mates: numbers of two gears in mesh, and whether their hands are equal. The first gear of which nothing follows is
-    right-handed. Angles may be texts with a unit. Raises TrainError for a right hand with a negative angle.
+    right-handed. Raises TrainError for a right hand with a negative angle.
     """
     found: dict[int, str] = {}
     for k, rotor in enumerate(rotors):
-        angle, hand = rotor.get("helix_angle"), rotor.get("hand")
-        negative = (
-            angle.strip().startswith("-") if isinstance(angle, str) else np.any(number(rotor.get("helix_angle")) < 0)
-        )
+        negative, hand = np.any(number(rotor.get("helix_angle")) < 0), rotor.get("hand")
         if negative and hand == "right":
             message = "is right, and the helix_angle is negative, that of a left-handed gear"
             raise TrainError(("rotors", k, "hand"), message, "remove one of the two, or change it")

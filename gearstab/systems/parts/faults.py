@@ -20,6 +20,7 @@ from gearstab.config.model.conflicts import Conflict, items, within_each
 from gearstab.config.model.fields import Choice, NameText, Quantity, Section, Whole
 from gearstab.config.model.reading import WRONG
 from gearstab.system import Array, Mesh
+from gearstab.systems.parts.forcing import GearError
 from gearstab.systems.parts.weak_tooth import OnePair, equal_shares, missing, over_the_width, own_pairs
 from gearstab.waveforms import Tooth, ToothPair
 
@@ -60,7 +61,7 @@ def fault_conflicts(section: Any, gears: Sequence[str], teeth: Mapping[str, Frac
         yield from excluded(section, ("friction", "backlash", "relief"), "faults of the teeth")
 
 
-def absent_gear(item: Any, gears: Sequence[str]) -> Iterator[Conflict]:
+def absent_gear(item: Fault | GearError, gears: Sequence[str]) -> Iterator[Conflict]:
     """Yield a conflict where ``gear`` of a section names none of the gears of a mesh."""
     names = [name for _, name in items(gears)]
     if item.gear is not WRONG and item.gear not in names:
