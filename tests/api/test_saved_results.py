@@ -137,12 +137,12 @@ def test_a_part_of_a_result_is_saved(tree: xr.DataTree, tmp_path: Path) -> None:
 def test_what_no_result_can_hold_is_one_line(tree: xr.DataTree, tmp_path: Path) -> None:
     odd = tree.copy()
     odd.attrs["note"] = {"a": 1}
-    complex_ = tree.copy()
-    complex_["floquet/z"] = 1j * complex_["floquet/growth_rate"]
+    times = tree.copy()
+    times["floquet/z"] = times["floquet/growth_rate"].astype("timedelta64[ns]")
     for wrong, message in (
         (xr.DataTree(), "this tree is no result of gearstab: its attribute gearstab_version is missing"),
         (odd, "the attribute note is of the type dict; a result holds numbers and texts"),
-        (complex_, "/floquet: z has the type complex128; a result holds numbers and texts"),
+        (times, "/floquet: z has the type timedelta64[ns]; a result holds numbers and texts"),
     ):
         with pytest.raises(ResultError) as caught:
             gs.save(wrong, tmp_path / "out.h5")

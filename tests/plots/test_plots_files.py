@@ -37,7 +37,7 @@ def branches():
     """A short branch of motions with backlash, from the program: by hand it would be no motion."""
     mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5, "backlash": 2.0}
     pair = {"kind": "gear_pair", "units": "none", "equivalent_mass": 1.0, "damping_ratio": 0.05, "load": [0.5]}
-    method = {"starts": [0.9], "points": 10, "cycles": 60}
+    method = {"start": ["rest"], "at": [0.9], "points": 10, "cycles": 60}
     sweep = {"mesh_frequency": {"start": 0.8, "stop": 1.0, "num": 3}}
     return gs.sweep({"system": pair | {"meshes": [mesh]}, "sweep": sweep, "methods": {"branches": method}}, jobs=1)
 
@@ -295,7 +295,8 @@ def blank(tree: xr.DataTree) -> xr.DataTree:
     def emptied(group: xr.Dataset) -> xr.Dataset:
         return group.map(lambda a: xr.full_like(a, np.nan) if a.dtype.kind == "f" else a).assign_attrs(group.attrs)
 
-    return tree.map_over_datasets(emptied)
+    # Not by map_over_datasets: to it, the mesh frequencies of branches are the axis of this name, which they inherit.
+    return xr.DataTree.from_dict({node.path: emptied(node.to_dataset(inherit=False)) for node in tree.subtree})
 
 
 def variants(tree: xr.DataTree, sizes: tuple[int, ...]) -> dict[str, xr.DataTree]:
