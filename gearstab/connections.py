@@ -5,7 +5,7 @@ They are parts of K0 and C already, named here. Stability does not depend on the
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -55,3 +55,11 @@ class Connection:
     def force(self, displacement: Array, velocity: Array) -> Array:
         """F ``(...)`` of a single system, from q and q' ``(..., n)``."""
         return np.asarray(self.stiffness * (displacement @ self.row) + self.damping * (velocity @ self.row))
+
+
+def by_part(connections: Sequence[Connection]) -> dict[str, list[Connection]]:
+    """Return the connections by what they are, in their order."""
+    found: dict[str, list[Connection]] = {}
+    for item in connections:
+        found.setdefault(item.part.value, []).append(item)
+    return found

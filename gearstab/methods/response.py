@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Quantity, Section, Whole
-from gearstab.connections import Connection
+from gearstab.connections import Connection, by_part
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
 from gearstab.results.variables import Variable, flagged
@@ -100,11 +100,7 @@ class SteadyStateAnalysis(Method):
 
     def _parts(self) -> dict[str, list[Connection]]:
         """The connections by what they are, where they are wanted."""
-        wanted = self.system.connections if self.options.bearings else ()
-        found: dict[str, list[Connection]] = {}
-        for item in wanted:
-            found.setdefault(item.part.value, []).append(item)
-        return found
+        return by_part(self.system.connections if self.options.bearings else ())
 
     def constants(self) -> Mapping[str, Any]:
         own: dict[str, Any] = {part: [item.name for item in items] for part, items in self._parts().items()}

@@ -180,8 +180,9 @@ def prepare(system: GearSystem) -> list[Pattern]:
     """
     _check(system)
     cycles, counts = system.common_period()
-    edges, bits = _segments_of_rows(system, counts)
-    return _patterns(system, float(cycles), edges, bits)
+    levels = _levels(system)
+    edges, bits = _segments_of_rows(system, counts, levels)
+    return _patterns(system, float(cycles), edges, bits, levels)
 
 
 def _check(system: GearSystem) -> None:
@@ -200,18 +201,18 @@ def window(system: GearSystem, cycles: float) -> list[Pattern]:
     edges = [np.zeros((system.rows, 1)), *jumps]
     found = np.sort(np.clip(np.concatenate(edges, axis=1), 0.0, cycles), axis=1)
     middle = found + 0.5 * np.diff(found, axis=1, append=cycles)
-    bits = np.zeros(found.shape, dtype=np.int64)
-    for shift, mesh in zip(_shifts(_levels(system).widths), system.meshes, strict=True):
-        bits |= _level_at(system, mesh, float(mesh.frequency_ratio) * middle) << shift
-    return _patterns(system, cycles, found / cycles, bits, closed=False)
+    levels = _levels(system)
+    bits = _bits(system, levels, [float(mesh.frequency_ratio) for mesh in system.meshes], middle)
+    return _patterns(system, cycles, found / cycles, bits, levels, closed=False)
 
 
-def _patterns(system: GearSystem, cycles: float, edges: Array, bits: Array, closed: bool = True) -> list[Pattern]:
+def _patterns(
+    system: GearSystem, cycles: float, edges: Array, bits: Array, levels: _Levels, closed: bool = True
+) -> list[Pattern]:
     """Rows grouped by their sequence of states: ``edges`` (rows, S) in parts of ``cycles`` and what follows each."""
     count = len(edges)
     lengths = np.diff(edges, axis=1, append=edges[:, :1] + 1 if closed else np.ones((count, 1)))
     signature = np.where(lengths > SHORTEST, bits, -1)
-    levels = _levels(system)
     patterns = []
     for elastic in reduce(system):
         for index, key in equal_rows(signature[elastic.rows]):
@@ -226,7 +227,7 @@ def _patterns(system: GearSystem, cycles: float, edges: Array, bits: Array, clos
     return patterns
 
 
-def _segments_of_rows(system: GearSystem, counts: tuple[int, ...]) -> tuple[Array, Array]:
+def _segments_of_rows(system: GearSystem, counts: tuple[int, ...], levels: _Levels) -> tuple[Array, Array]:
     """Jumps ``(rows, S)`` in [0, 1), ascending, and the levels of all meshes after each, as bits ``(rows, S)``."""
     edges = [np.zeros((system.rows, 1))] if not system.meshes else []
     for mesh, n in zip(system.meshes, counts, strict=True):
@@ -237,10 +238,7 @@ def _segments_of_rows(system: GearSystem, counts: tuple[int, ...]) -> tuple[Arra
     found = np.where(found >= 1.0, 0.0, found)
     found.sort(axis=1)
     middle = found + 0.5 * np.diff(found, axis=1, append=found[:, :1] + 1)
-    bits = np.zeros(found.shape, dtype=np.int64)
-    for shift, mesh, n in zip(_shifts(_levels(system).widths), system.meshes, counts, strict=True):
-        bits |= _level_at(system, mesh, n * middle) << shift
-    return found, bits
+    return found, _bits(system, levels, counts, middle)
 
 
 def _jumps(system: GearSystem, mesh: Mesh) -> Array:
@@ -273,6 +271,14 @@ def _levels(system: GearSystem) -> _Levels:
         table.append(np.pad(system.flat(own, 1), ((0, 0), (0, most - own.shape[-1]))))
     widths = tuple(max(1, int(wave.shape[-1] - 1).bit_length()) for wave in waves)
     return _Levels(np.stack(table, axis=1) if table else np.zeros((system.rows, 0, 1)), widths)
+
+
+def _bits(system: GearSystem, levels: _Levels, counts: Sequence[float], place: Array) -> Array:
+    """The levels of all meshes as bits ``(rows, S)``, at places ``(rows, S)`` in which they have so many cycles."""
+    bits = np.zeros(place.shape, dtype=np.int64)
+    for shift, mesh, n in zip(_shifts(levels.widths), system.meshes, counts, strict=True):
+        bits |= _level_at(system, mesh, n * place) << shift
+    return bits
 
 
 def _shifts(widths: Sequence[int]) -> list[int]:

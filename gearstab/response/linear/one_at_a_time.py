@@ -18,6 +18,7 @@ from gearstab.modal import mean_modes
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.speeds import speed_response
 from gearstab.system import Array, GearSystem
+from gearstab.waveforms import Fourier
 
 SAMPLES = 4
 """Samples per period of the fastest mode, between which a polynomial of degree nine gives the extremes."""
@@ -61,20 +62,23 @@ def force_bounds(system: GearSystem, mesh_frequency: Array) -> ForceBounds:
 
 def _oriented(system: GearSystem) -> GearSystem:
     """The system with the direction of every mesh such that its static force is not negative."""
-    forces = static_mesh_force(system)
+    forces, names = static_mesh_force(system), [mesh.name for mesh in system.whole_meshes]
     meshes = []
-    for k, mesh in enumerate(system.meshes):
-        sense = np.where(forces[..., k] < 0, -1.0, 1.0)[..., None]
+    for mesh in system.meshes:
+        # A part turns with its mesh.
+        sense = np.where(forces[..., names.index(mesh.part_of or mesh.name)] < 0, -1.0, 1.0)[..., None]
         error = mesh.transmission_error
         if error is not None:
-            error = replace(error, sin=error.sin * sense, cos=error.cos * sense)
-        turns = tuple(
-            replace(one, profile=replace(one.profile, sin=one.profile.sin * sense, cos=one.profile.cos * sense))
-            for one in mesh.revolution_errors
-        )
+            error = _times(error, sense)
+        turns = tuple(replace(one, profile=_times(one.profile, sense)) for one in mesh.revolution_errors)
         direction = mesh.direction * sense
         meshes.append(replace(mesh, direction=direction, transmission_error=error, revolution_errors=turns))
     return replace(system, meshes=tuple(meshes))
+
+
+def _times(wave: Fourier, sense: Array) -> Fourier:
+    """Return a series with a sign."""
+    return replace(wave, sin=wave.sin * sense, cos=wave.cos * sense)
 
 
 def _driven_apart(system: GearSystem) -> Iterator[tuple[GearSystem, float]]:

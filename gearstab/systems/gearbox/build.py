@@ -104,15 +104,13 @@ def _weak_teeth(train: Train, system: GearSystem) -> Iterator[Mesh]:
         whole, title = known[name], f"{name}.{fault['gear']} tooth {fault.get('tooth', 1)}"
         found[title] = found.get(title, 0) + 1
         title += f" ({found[title]})" if found[title] > 1 else ""
-        c, factor = teeth.given_contact_ratio(p), fault["factor"]
-        overlap = teeth.each(lambda pair: pair.overlap_ratio)
-        if not isinstance(whole.waveform, Tooth):
-            if not teeth.helical:
-                return weak_tooth(whole, title, count, factor, c, cycles)
+        c, overlap = teeth.given_contact_ratio(p), teeth.each(lambda pair: pair.overlap_ratio)
+        computed = isinstance(whole.waveform, Tooth)
+        if teeth.helical and not computed:
             # The wave of helical teeth is that of the transverse section, averaged over the width.
             whole = replace(whole, waveform=Rectangular(c))
-            return weak_tooth(whole, title, count, factor, c, cycles, overlap=overlap)
-        return weak_tooth(whole, title, count, factor, c, cycles, teeth.one_pair, overlap)
+        one_pair = teeth.one_pair if computed else None
+        return weak_tooth(whole, title, count, fault["factor"], c, cycles, one_pair, overlap)
 
     for item in train.sets:
         planets_turn, sun_drives, _ = train.power(item)

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.document.problems import nearest
-from gearstab.config.model.conflicts import Conflict, plain_number
+from gearstab.config.model.conflicts import Conflict, items, plain_number
 from gearstab.config.model.fields import Choice, NameText, Quantity, Section, Whole
 from gearstab.system import Array, Mesh
 from gearstab.systems.parts.weak_tooth import OnePair, equal_shares, missing, over_the_width, own_pairs
@@ -47,8 +47,7 @@ def fault_conflicts(raw: dict[str, Any], gears: Sequence[Any], teeth: dict[str, 
 
     gears: those of the mesh. teeth: their numbers of teeth, by name, where they are known.
     """
-    listed = raw.get("faults")
-    faults = [(k, item) for k, item in enumerate(listed if isinstance(listed, list) else []) if isinstance(item, dict)]
+    faults = items(raw.get("faults"))
     for k, item in faults:
         gear, tooth = item.get("gear"), item.get("tooth", 1)
         if isinstance(gear, str) and gear not in gears:
