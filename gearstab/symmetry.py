@@ -12,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from gearstab.mesh import Mesh
 from gearstab.modal import Modes, mean_modes, mesh_deflection, mode_types, significant_deflection
-from gearstab.system import Array, Cyclic, GearSystem, Mesh
+from gearstab.system import Array, Cyclic, GearSystem
 
 EQUAL_FREQUENCY = 1e-8
 """Modes whose natural frequencies differ by less than this part may come out mixed."""

@@ -14,8 +14,9 @@ from itertools import pairwise
 import numpy as np
 
 from gearstab.floquet.dispatch import in_modes
+from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.modal import mean_modes
-from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
+from gearstab.system import Array, GearSystem
 from gearstab.waveforms import Profile
 
 COUPLED = 1e-12

@@ -14,8 +14,9 @@ from gearstab.api.configurations import Source, as_config, as_system
 from gearstab.config.document.files import DataFileError, arrays, numbers
 from gearstab.errors import NotPossible, OutputError
 from gearstab.exchange.model import Model, merged, model
+from gearstab.mesh import Mesh
 from gearstab.results.output import OTHERS, RESULTS, TABLES, Content, write_bytes
-from gearstab.system import Array, GearSystem, Mesh
+from gearstab.system import Array, GearSystem
 from gearstab.systems.matrices.file import MOST_COORDINATES, read_market, read_matrices
 from gearstab.waveforms import Constant
 from gearstab.waveforms.samples import NARROWEST

@@ -13,8 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from gearstab.mesh import Mesh
 from gearstab.perturbation.tongues import ParametricExcitation
-from gearstab.system import Array, GearSystem, Mesh, shared_period
+from gearstab.system import Array, GearSystem, shared_period
 
 HIGHEST = 2048
 """Highest harmonic of a mesh that is summed. For a wave with jumps the terms fall as s^-4, so that what remains is

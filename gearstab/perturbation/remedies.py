@@ -27,10 +27,11 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.mesh import Mesh
 from gearstab.perturbation.damped import growth
 from gearstab.perturbation.multiple_scales import ModalQuantities, block, group_of, modal_rows
 from gearstab.perturbation.tongues import ParametricExcitation, Tongue, sharing
-from gearstab.system import Array, GearSystem, Mesh
+from gearstab.system import Array, GearSystem
 
 VANISHING = 1e-9
 """A harmonic below this part of the present one has vanished but for rounding."""

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from gearstab.connections import Connection, MachineElement
-from gearstab.system import Array, GearSystem, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import Array, GearSystem
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import with_forcing
 from gearstab.systems.parts.mesh import build_mesh
@@ -88,7 +89,7 @@ class Element:
 class MeshElement:
     """A tooth mesh between two bodies.
 
-    p: its parameters, complete. row: its deflection. frequency_ratio, lag: as in :class:`gearstab.system.Mesh`.
+    p: its parameters, complete. row: its deflection. frequency_ratio, lag: as in :class:`gearstab.mesh.Mesh`.
     """
 
     p: Any

@@ -13,9 +13,9 @@ from gearstab import rotating_pair
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one, plain_number, wrong_length
 from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Teeth, TorsionalStiffness
+from gearstab.mesh import Mesh as MeshOfSystem
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
-from gearstab.system import Mesh as MeshOfSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
 from gearstab.systems.base import START_MESH, Start, System, first_number
 from gearstab.systems.parts.forcing import LoadOfOne

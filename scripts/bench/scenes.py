@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from gearstab.config import load
+from gearstab.mesh import Mesh
 from gearstab.sweep import plan
-from gearstab.system import Array, GearSystem, Mesh
+from gearstab.system import Array, GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 

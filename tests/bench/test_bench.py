@@ -14,8 +14,9 @@ from gearstab.bench import Scene, measure, reference, turning, work_precision
 from gearstab.bench.methods import METHODS, Entry
 from gearstab.cli import group
 from gearstab.floquet import solve
+from gearstab.mesh import PeriodicTerm
 from gearstab.results import open_result
-from gearstab.system import GearSystem, PeriodicTerm
+from gearstab.system import GearSystem
 from gearstab.waveforms import Fourier, Trapezoidal
 
 CONFIG = """

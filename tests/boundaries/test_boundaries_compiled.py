@@ -18,7 +18,8 @@ from gearstab.floquet.boundaries.parts import separated
 from gearstab.floquet.boundaries.undamped import search as compiled
 from gearstab.floquet.kernel import c_boundaries, c_kernel
 from gearstab.floquet.segments.pattern import Pattern, prepare
-from gearstab.system import GearSystem, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 

@@ -12,9 +12,10 @@ from tongues import disagreements, train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
+from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
 from gearstab.perturbation import first_order
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 

@@ -12,7 +12,8 @@ from systems import DAMPING, SHAFT, WITH_TERMS, friction, with_terms
 from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.floquet.boundaries.damped import proof
 from gearstab.floquet.general import analyse
-from gearstab.system import GearSystem, Mesh, PeriodicTerm
+from gearstab.mesh import Mesh, PeriodicTerm
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular, Scaled
 
 START, STOP = 1.5, 5.0

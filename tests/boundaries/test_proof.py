@@ -15,7 +15,7 @@ from gearstab import ckernel
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.boundaries.coverage import Coverage, complement
-from gearstab.floquet.kernel import c_kernel, lyapunov
+from gearstab.floquet.kernel import c_points, lyapunov
 from gearstab.floquet.kernel.chain import Chain, chain
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.system import GearSystem
@@ -49,7 +49,7 @@ def monodromy(flow: Chain, cycle: float) -> np.ndarray:
 def test_moduli_are_those_of_matrix_exponentials(seed: int) -> None:
     flow, row, cycle = points_of(*random_train(seed), 7)
     expected = [-np.sort(-np.log(np.abs(np.linalg.eigvals(monodromy(flow, float(c)))))) for c in cycle]
-    for ours in (lyapunov, c_kernel):
+    for ours in (lyapunov, c_points):
         # A small multiplier is right to eps times the size of the matrix.
         lost = np.maximum(1e-9, 1e-12 * np.exp(-np.array(expected)))
         assert (np.abs(ours.moduli(flow, row, cycle) - expected) < lost).all()
@@ -63,12 +63,12 @@ def test_the_kernel_proves_what_numpy_does(seed: int, level: str, monkeypatch: p
     logs = lyapunov.moduli(flow, row, cycle)
     tried = np.abs(logs[:, 0]) > 1e-3
     row, cycle, growth = row[tried], cycle[tried], logs[tried, 0]
-    ours, expected = c_kernel.radii(flow, row, cycle, growth), lyapunov.radii(flow, row, cycle, growth)
+    ours, expected = c_points.radii(flow, row, cycle, growth), lyapunov.radii(flow, row, cycle, growth)
     # A radius is found within 2^(1/16); a pivot near 0 may pass in one and fail in the other.
     np.testing.assert_allclose(ours, expected, rtol=0.1, atol=1e-6)
-    alone = [c_kernel.radii(flow, row[k : k + 1], cycle[k : k + 1], growth[k : k + 1])[0] for k in (0, len(row) // 2)]
+    alone = [c_points.radii(flow, row[k : k + 1], cycle[k : k + 1], growth[k : k + 1])[0] for k in (0, len(row) // 2)]
     np.testing.assert_array_equal(alone, ours[[0, len(row) // 2]])
-    one, two = c_kernel.products(flow, row, cycle), lyapunov.products(flow, row, cycle)
+    one, two = c_points.products(flow, row, cycle), lyapunov.products(flow, row, cycle)
     np.testing.assert_allclose(
         one[0] * np.exp(one[1])[:, None, None], two[0] * np.exp(two[1])[:, None, None], rtol=1e-9, atol=1e-10
     )
@@ -77,15 +77,15 @@ def test_the_kernel_proves_what_numpy_does(seed: int, level: str, monkeypatch: p
 @pytest.mark.parametrize("seed", range(10))
 def test_no_multiplier_crosses_the_circle_within_a_radius(seed: int) -> None:
     flow, row, cycle = points_of(*random_train(seed), 60)
-    logs = c_kernel.moduli(flow, row, cycle)
+    logs = c_points.moduli(flow, row, cycle)
     tried = np.abs(logs[:, 0]) > 1e-6
     row, cycle, logs = row[tried], cycle[tried], logs[tried]
-    radius = c_kernel.radii(flow, row, cycle, logs[:, 0])
+    radius = c_points.radii(flow, row, cycle, logs[:, 0])
     assert (radius[logs[:, 0] < 0].max(axis=1) > 0).mean() > 0.9
     outside = (logs > 0).sum(axis=1)
     for part in np.concatenate([np.linspace(-1, 1, 21), [-0.999, 0.999]]):
         stretched = cycle * (1 + np.where(part > 0, part * radius[:, 0], part * radius[:, 1]))
-        there = c_kernel.moduli(flow, row, stretched)
+        there = c_points.moduli(flow, row, stretched)
         proved = (radius > 0).all(axis=1)
         assert ((there > 0).sum(axis=1) == outside)[proved].all()
 
@@ -127,9 +127,9 @@ def test_a_radius_does_not_reach_over_the_closed_form_edge() -> None:
     omega = np.concatenate([edge * (1 + sign * away) for edge in edges for sign in (-1, 1)])
     (pattern,) = prepare(pair)
     flow, row, cycle = chain(pattern), np.zeros(len(omega), dtype=int), pattern.elastic.rate[0] / omega
-    growth = c_kernel.moduli(flow, row, cycle)[:, 0]
+    growth = c_points.moduli(flow, row, cycle)[:, 0]
     np.testing.assert_array_equal(growth > 0, excess(omega) > 0)
-    radius = c_kernel.radii(flow, row, cycle, growth)
+    radius = c_points.radii(flow, row, cycle, growth)
     low, high = omega / (1 + radius[:, 0]), omega / (1 - radius[:, 1])
     for edge in edges:
         assert not ((low < edge * (1 - 1e-5)) & (high > edge * (1 + 1e-5))).any()
@@ -139,16 +139,16 @@ def test_a_radius_does_not_reach_over_the_closed_form_edge() -> None:
 def test_nothing_is_proved_where_a_form_is_not_definite() -> None:
     """An undamped mode: the loss of its action is 0."""
     flow, row, cycle = points_of(train((1.37, 1.62), 0.2, 1, (0.3, 0.3), damping={"modal": [0, 0.01, 0.01]}), 2, 3, 9)
-    logs = c_kernel.moduli(flow, row, cycle)
-    radius = c_kernel.radii(flow, row, cycle, logs[:, 0])
+    logs = c_points.moduli(flow, row, cycle)
+    radius = c_points.radii(flow, row, cycle, logs[:, 0])
     stable = np.abs(logs[:, 0]) < 1e-9
     assert (radius[stable].min(axis=1) == 0).all()
 
 
 def test_rounding_takes_proofs_away() -> None:
     flow, row, cycle = points_of(train((1.37, 1.62), 0.2, 1, (0.3, 0.3), damping_ratio=0.01), 1.1, 6.5, 25)
-    growth = c_kernel.moduli(flow, row, cycle)[:, 0]
-    exact, rough = (c_kernel.radii(replace(flow, rounding=error), row, cycle, growth) for error in (1e-13, 1e-3))
+    growth = c_points.moduli(flow, row, cycle)[:, 0]
+    exact, rough = (c_points.radii(replace(flow, rounding=error), row, cycle, growth) for error in (1e-13, 1e-3))
     assert (rough <= 1.05 * exact + 1e-12).all()
     assert (rough == 0).mean() > (exact == 0).mean()
 

@@ -15,7 +15,8 @@ import scipy.linalg
 import gearstab as gs
 from gearstab.floquet import solve
 from gearstab.floquet.kernel import factors, levels
-from gearstab.system import GearSystem, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 CASE = Path(__file__).parent / "b04_fe_free_rayleigh.yaml"

@@ -22,9 +22,10 @@ from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.info import configuration
 from gearstab.info.tables import table
+from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes, mesh_energy_shares, modal_damping_ratios, mode_types
 from gearstab.perturbation import first_order
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 

@@ -12,7 +12,8 @@ from random_documents import Document, gear_pairs, matrices, two_stages
 
 from gearstab.config import load
 from gearstab.floquet import FloquetStability, solve
-from gearstab.system import GearSystem, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Fourier, Rectangular, Trapezoidal
 

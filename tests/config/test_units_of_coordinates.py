@@ -9,13 +9,14 @@ import pytest
 from click.testing import CliRunner
 
 from gearstab.cli import group
+from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
 from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.results.provenance import modes_group
 from gearstab.results.units import in_units_of
 from gearstab.results.variables.responses import RESPONSE, SPEED_RESPONSE
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 

@@ -19,7 +19,8 @@ from gearstab.floquet.segments import reduction as elastic_reduction
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.decouple import DISCARDED, adapted, components
 from gearstab.floquet.segments.pattern import prepare
-from gearstab.system import GearSystem, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 OMEGA = np.linspace(0.6, 5.8, 27)

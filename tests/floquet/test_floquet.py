@@ -19,8 +19,9 @@ from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.kernel import c_kernel, damped, decision, factors, graded
 from gearstab.floquet.kernel.invariants import growth_of
 from gearstab.floquet.segments.pattern import prepare
+from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 

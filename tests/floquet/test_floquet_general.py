@@ -17,9 +17,10 @@ from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.dispatch import reduction
 from gearstab.floquet.general import analyse
 from gearstab.floquet.truncation import modes_basis, neglected
+from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.modal import modal_damping_matrix
 from gearstab.propagation.magnus import expm
-from gearstab.system import GearSystem, Mesh, PeriodicTerm
+from gearstab.system import GearSystem
 from gearstab.waveforms import Constant, Rectangular, Scaled
 
 OMEGA = np.linspace(0.35, 7.0, 23)[None]

@@ -12,8 +12,9 @@ from systems import COSINE, Smooth
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries.solve import boundaries
 from gearstab.floquet.frequencies import lyapunov
+from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.modal import mean_modes
-from gearstab.system import GearSystem, Mesh, PeriodicTerm
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 OMEGA = np.array([0.5, 1.0, 1.5, 1.7, 3.5, 6.0])

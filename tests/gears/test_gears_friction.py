@@ -205,7 +205,8 @@ def test_mean_loss_is_that_of_the_tooth_loss_factor() -> None:
 
 def test_a_rigid_rotation_feels_no_friction() -> None:
     """K(t) r = 0 with friction, on two gears with lateral coordinates, held by mesh and friction alone."""
-    from gearstab.system import GearSystem, Mesh, PeriodicTerm
+    from gearstab.mesh import Mesh, PeriodicTerm
+    from gearstab.system import GearSystem
 
     mesh = mesh_stiffness(PAIR)
     friction = mesh_friction(PAIR, XuKahraman(12.0, 0.4), 150.0, 2000.0)

@@ -20,7 +20,8 @@ from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.kernel import c_kernel, invariants, threads
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, UNSTABLE
 from gearstab.floquet.segments.pattern import prepare
-from gearstab.system import GearSystem, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 
@@ -359,7 +360,7 @@ def test_numbers_that_are_none_harm_no_neighbour(level, n):
 def scanned(pattern, generator, state, omega):
     """Growth of a damped pattern by the compiled kernel alone, without what it leaves to NumPy."""
     values, basis, inverse = generator.real_modes
-    given = c_kernel._damped(pattern.cycles, values, pattern.fractions, state, *pattern.pairs(inverse, basis))
+    given = c_kernel.damped_arguments(pattern.cycles, values, pattern.fractions, state, *pattern.pairs(inverse, basis))
     growth, scale = np.empty(omega.shape), np.empty(omega.shape)
     asked = np.ascontiguousarray(omega)
     ckernel.library.scan_damped(ckernel.simd(), *given, 0, len(omega), omega.shape[1], asked, growth, scale)

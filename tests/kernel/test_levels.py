@@ -11,7 +11,8 @@ from gearstab.floquet.kernel import levels
 from gearstab.floquet.kernel.damped import Generators, factors, generators
 from gearstab.floquet.kernel.graded import log_multipliers as graded
 from gearstab.floquet.segments.pattern import Pattern, prepare
-from gearstab.system import Array, GearSystem, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import Array, GearSystem
 from gearstab.waveforms import Rectangular
 
 

@@ -16,7 +16,8 @@ from gearstab.floquet.kernel.invariants import DOUBTFUL
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.floquet.smooth import compare, steps
 from gearstab.floquet.smooth.schemes import CF6_5
-from gearstab.system import GearSystem, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 

@@ -251,7 +251,7 @@ class TestArguments:
         ((pattern, generator, omega), *_) = damped_patterns(system(2, "one mesh", 1, 0.1), 9)
         values, basis, inverse = generator.real_modes
         pairs = pattern.pairs(inverse, basis)
-        given = c_kernel._damped(pattern.cycles, values, pattern.fractions, pattern.states, *pairs)
+        given = c_kernel.damped_arguments(pattern.cycles, values, pattern.fractions, pattern.states, *pairs)
         logs = np.empty((*omega.shape, 4), dtype=complex)
         runs = 2 * len(omega)
         ckernel.library.exponents("plain", *given, 0, runs, 9, omega, logs)

@@ -18,7 +18,8 @@ from gearstab.ckernel import limited
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.kernel.threads import in_threads
 from gearstab.interrupts import Stopped, TimeUp, heed
-from gearstab.system import GearSystem, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 PROMPT = 1.0

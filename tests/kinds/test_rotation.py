@@ -21,12 +21,13 @@ from scipy.integrate import solve_ivp
 import gearstab as gs
 from gearstab.config import ConfigError, load
 from gearstab.floquet import solve
+from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.methods import METHODS, OptionError
 from gearstab.propagation.elastic import elastic_forms
 from gearstab.propagation.path import Path
 from gearstab.response import driven_response, ramp_response, steady_state
 from gearstab.rotation import Rotation
-from gearstab.system import Feature, GearSystem, Mesh, PeriodicTerm
+from gearstab.system import Feature, GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Constant, Rectangular
 

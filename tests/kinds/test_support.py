@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from gearstab.design.judging.quantities import EXACT, SUPPORTS
+from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.methods import METHODS, Method, OptionError, Outcome
 from gearstab.support import ANY_LINEAR, unsupported
-from gearstab.system import Feature, GearSystem, Mesh, PeriodicTerm
+from gearstab.system import Feature, GearSystem
 from gearstab.waveforms import Rectangular
 
 

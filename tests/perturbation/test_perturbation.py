@@ -15,10 +15,11 @@ from scenes import DATA
 from systems import random_rotation, turned_star
 from tongues import scaled, train
 
+from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
 from gearstab.perturbation import Tongues, first_order
 from gearstab.perturbation.tongues import excitations, kind_of, label_of
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 

@@ -13,9 +13,10 @@ from systems import random_rotation, turned_star
 from tongues import damping_matrix, first_outside, log_growth, scaled, segments, squared_half_width, train, with_damping
 
 from gearstab.floquet import solve
+from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
 from gearstab.perturbation import first_order
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 RATIOS = (Fraction(1), Fraction(1, 2), Fraction(3))

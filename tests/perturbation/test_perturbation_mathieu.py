@@ -12,10 +12,11 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.special import mathieu_a, mathieu_b
 from tongues import scaled, train
 
+from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
 from gearstab.perturbation import first_order, uncoupled
 from gearstab.perturbation.mathieu import characteristic_values
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 
 
 @given(st.integers(1, 12), st.floats(0, 1))

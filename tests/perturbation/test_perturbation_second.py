@@ -15,9 +15,10 @@ from systems import COSINE, oscillator, random_rotation, turned_star
 from tongues import scaled, train
 from waves import ALL, IDS
 
+from gearstab.mesh import Mesh
 from gearstab.modal import modal_damping_matrix
 from gearstab.perturbation import PERTURBATION_FLAGS, Tongues, first_order, second_order
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import WAVEFORMS, Rectangular, Waveform
 from gearstab.waveforms.fourier import Fourier
 

@@ -15,6 +15,7 @@ from tongues import train
 from gearstab.config import load
 from gearstab.info.configuration import describe
 from gearstab.info.text import report
+from gearstab.mesh import PeriodicTerm
 from gearstab.methods import OptionError
 from gearstab.methods.perturbation import Perturbation, PerturbationOptions
 from gearstab.perturbation import PERTURBATION_FLAGS, second_order
@@ -22,7 +23,6 @@ from gearstab.plots.maps import boundaries as boundary_figure
 from gearstab.plots.view import Request
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
-from gearstab.system import PeriodicTerm
 from gearstab.waveforms import Rectangular
 
 CONFIG = (

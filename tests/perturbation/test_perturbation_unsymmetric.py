@@ -14,10 +14,11 @@ from click.testing import CliRunner
 from gearstab.cli import group
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.general import analyse
+from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.perturbation import Tongues, first_order, second_order
 from gearstab.perturbation.damped import largest_rate
 from gearstab.perturbation.unsymmetric import groups
-from gearstab.system import GearSystem, Mesh, PeriodicTerm
+from gearstab.system import GearSystem
 from gearstab.waveforms import Constant, Rectangular, Scaled
 
 WAVE = Rectangular(1.5)

@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 
 from gearstab.floquet import solve
+from gearstab.mesh import Mesh
 from gearstab.methods import METHODS, OptionError
 from gearstab.perturbation import first_order
 from gearstab.perturbation.whirling import _resonance, whirling_rows
 from gearstab.rotation import Rotation
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 Array = np.ndarray

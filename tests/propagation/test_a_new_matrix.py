@@ -16,6 +16,7 @@ from driven import integrated, integrated_along, train
 from gearstab.floquet import solve
 from gearstab.floquet.general import solve as general
 from gearstab.floquet.truncation import neglected
+from gearstab.mesh import PeriodicTerm
 from gearstab.methods import METHODS, OptionError
 from gearstab.modal import mean_modes
 from gearstab.passage.propagator import growth, motion
@@ -30,7 +31,7 @@ from gearstab.response.linear.equilibrium import static_equilibrium
 from gearstab.response.linear.steady import start
 from gearstab.rotation import Rotation
 from gearstab.support import unsupported
-from gearstab.system import Feature, GearSystem, PeriodicTerm
+from gearstab.system import Feature, GearSystem
 from gearstab.waveforms import Constant, Fourier, Trapezoidal
 
 Array = np.ndarray

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gearstab.mesh import Mesh
 from gearstab.propagation.elastic import elastic_forms
 from gearstab.propagation.first_order import bases
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 MASS, STIFFNESS = np.diag([1.0, 0.3, 4.0]), np.diag([0.5, 0.0, 0.0])

@@ -14,8 +14,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 from systems import unequal
 
+from gearstab.mesh import PeriodicForce, PeriodicTerm
 from gearstab.propagation.path import Path
-from gearstab.system import GearSystem, PeriodicForce, PeriodicTerm
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Constant, Fourier, Rectangular, Scaled, Trapezoidal
 

@@ -6,7 +6,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from gearstab.system import GearSystem, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 

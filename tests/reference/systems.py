@@ -11,7 +11,8 @@ import numpy as np
 from gearstab import modal
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.pattern import Pattern, prepare
-from gearstab.system import GearSystem, Mesh, PeriodicTerm
+from gearstab.mesh import Mesh, PeriodicTerm
+from gearstab.system import GearSystem
 from gearstab.waveforms import Constant, Fourier, Rectangular, Sampled, Scaled, Trapezoidal, Waveform
 
 Parameters = dict[str, Any]

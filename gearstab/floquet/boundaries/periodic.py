@@ -27,7 +27,7 @@ from gearstab.floquet.boundaries.gyroscopic import search as gyroscopic
 from gearstab.floquet.boundaries.parts import Part
 from gearstab.floquet.general.canonical import CanonicalPeriods
 from gearstab.floquet.general.solve import SLIVER, varying
-from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.segments.pattern import Pattern
@@ -182,7 +182,7 @@ def _search(
         return found, lambda row, cycle: np.asarray(~spectrum(periods.monodromy(row, cycle)).off.any(axis=1))
     half = own.flow(CF6_5, max(doublings - 1, 0))
     found = limits.damped(own.flow(CF6_5, doublings, rounding), pattern)
-    return found, lambda row, cycle: np.asarray(kernel.moduli(half, row, cycle)[:, 0] <= 0)
+    return found, lambda row, cycle: np.asarray(c_points.moduli(half, row, cycle)[:, 0] <= 0)
 
 
 def _controlled(own: PeriodicPart, limits: Limits, canonical: bool) -> tuple[Chain, SearchResult]:
@@ -211,7 +211,7 @@ def resolution(own: PeriodicPart, limits: Limits, scheme: Scheme, tolerance: flo
     def computed(doublings: int) -> Array:
         if canonical:
             return own.canonical(scheme, doublings).monodromy(row, cycle)
-        return kernel.moduli(own.flow(scheme, doublings), row, cycle)[:, 0]
+        return c_points.moduli(own.flow(scheme, doublings), row, cycle)[:, 0]
 
     before = computed(COARSEST - 1)
     for doublings in range(COARSEST, FINEST):

@@ -30,7 +30,7 @@ from gearstab.floquet.boundaries.damped.search import Limits, SearchResult
 from gearstab.floquet.boundaries.intervals import Intervals
 from gearstab.floquet.boundaries.parts import Part, separated
 from gearstab.floquet.boundaries.undamped.search import Search
-from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, chain
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import difference, scan
@@ -144,7 +144,7 @@ def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
 def _damped(division: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, SearchResult]]:
     def stable(half: Pattern) -> Callable[[Array, Array], Array]:
         flow = chain(half)
-        return lambda row, cycle: kernel.moduli(flow, row, cycle)[:, 0] <= 0
+        return lambda row, cycle: c_points.moduli(flow, row, cycle)[:, 0] <= 0
 
     def run(pattern: Pattern) -> SearchResult:
         # A proof allows for what the steps may be wrong by.

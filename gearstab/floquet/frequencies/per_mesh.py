@@ -15,7 +15,8 @@ from fractions import Fraction
 import numpy as np
 
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
-from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
+from gearstab.mesh import Mesh, PeriodicTerm
+from gearstab.system import Array, GearSystem
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.system import Array
 
@@ -58,7 +58,7 @@ class CanonicalPeriods:
 
     def monodromy(self, row: Array, cycle: Array) -> Array:
         """P ``(P, 2n, 2n)`` at points (row, 1/Omega) ``(P,)``."""
-        product = kernel.exponentials(self.cycles, self.fractions, self.states, self.generator, row, cycle)
+        product = c_points.exponentials(self.cycles, self.fractions, self.states, self.generator, row, cycle)
         matrix = self.generator.subset(row).at(1 / np.asarray(cycle)[:, None])[:, 0, 0]
         turn, back = self._turns(matrix)
         return np.asarray(turn @ product @ back)

@@ -22,9 +22,8 @@ import numpy as np
 from gearstab import ckernel
 from gearstab.floquet.kernel import factors as left
 from gearstab.floquet.kernel import graded as iterated
-from gearstab.floquet.kernel import invariants, lyapunov
-from gearstab.floquet.kernel.chain import Chain
-from gearstab.floquet.kernel.damped import Generators, real_modes
+from gearstab.floquet.kernel import invariants
+from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.threads import in_threads
 from gearstab.floquet.segments.pattern import Pattern, Succession
 from gearstab.system import Array
@@ -59,7 +58,7 @@ def rates(
     pattern: Pattern, mesh_frequency: Array, place: Array, stable: Array, growth: Array, limit: int | None = None
 ) -> tuple[Array, Array]:
     """Flags and growth rates of every point, put in their places in a result (rows, points)."""
-    omega, elastic, where = contiguous(mesh_frequency), pattern.elastic, _whole(place)
+    omega, elastic, where = contiguous(mesh_frequency), pattern.elastic, whole_numbers(place)
     points, every = omega.shape[-1], len(stable)
     found: dict[int, Array] = {}
     for rows in portions(len(where), len(pattern.states), pattern.size):
@@ -117,7 +116,7 @@ def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, 
         members = np.flatnonzero((index >= rows.start) & (index < rows.stop))
         points, arguments = len(members), pattern_arguments(pattern, needed[rows])
         found, size_of = np.empty((points, size, size)), np.empty(points)
-        own = (_whole(index[members] - rows.start), asked[members], found, size_of)
+        own = (whole_numbers(index[members] - rows.start), asked[members], found, size_of)
         ckernel.library.monodromy(ckernel.simd(), *arguments, 0, points, points, *own)
         matrix[members], scale[members] = found, size_of
     return matrix, scale
@@ -284,7 +283,7 @@ def _of_generators(pattern: Succession, generator: Generators, omega: Array) -> 
     return (numbers, *given, states, states, *map(contiguous, (matrix, by_speed, laws)))
 
 
-def _damped(
+def damped_arguments(
     cycles: float, values: Array, fractions: Array, states: Array, change: Array, index: Array
 ) -> tuple[Any, ...]:
     """A damped pattern as the C functions take it."""
@@ -294,138 +293,14 @@ def _damped(
     return (numbers, *map(contiguous, (values.real, values.imag, fractions)), *indices, contiguous(change), *NOTHING)
 
 
-def _scattered(cycles: float, fractions: Array, states: Array, generator: Generators) -> tuple[Any, ...]:
-    """Any generators, of which each point makes exponentials, as the C functions for scattered points take them."""
-    rows, count, m = generator.matrix.shape[:3]
-    by_speed, laws = np.empty((rows, 0, m, m)), np.empty((rows, 0, 3))
-    if generator.by_speed is not None and generator.laws is not None:
-        by_speed, laws = generator.by_speed, generator.laws
-    numbers = (rows, len(states), count, count, m, by_speed.shape[1], float(cycles))
-    unused, order = np.zeros((rows, count, m)), np.ascontiguousarray(states, dtype=np.int64)
-    return (
-        numbers,
-        unused,
-        unused,
-        contiguous(fractions),
-        order,
-        order,
-        *map(contiguous, (generator.matrix, by_speed, laws)),
-    )
-
-
 def _of_modes(pattern: Succession, generator: Generators) -> tuple[Any, ...]:
     """A damped pattern in the real modes of its states."""
     values, basis, inverse = generator.real_modes
-    return _damped(pattern.cycles, values, pattern.fractions, pattern.states, *pattern.pairs(inverse, basis))
+    return damped_arguments(pattern.cycles, values, pattern.fractions, pattern.states, *pattern.pairs(inverse, basis))
 
 
-def _of_chain(chain: Chain) -> tuple[Any, ...]:
-    if chain.following is not None:
-        parts = chain.fractions[:, chain.span], chain.states[chain.span]
-        return _scattered(chain.cycles, *parts, chain.following)
-    return _damped(chain.cycles, chain.values, chain.fractions, chain.states, chain.change, chain.index)
-
-
-def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> Array:
-    """C version of :func:`gearstab.floquet.kernel.lyapunov.moduli`; same arguments and result."""
-    logs = np.empty((len(row), chain.size))
-    given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
-
-    def part(first: int, last: int) -> None:
-        ckernel.library.moduli(ckernel.simd(), *given, first, last, len(row), *where, logs)
-
-    in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
-    left = np.flatnonzero(np.isnan(logs).any(axis=1) | ~chain.sound[row])
-    if len(left):
-        logs[left] = lyapunov.moduli(*chain.at(row[left], cycle[left]), cycle[left])
-    return logs
-
-
-def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
-    """What :func:`gearstab.floquet.kernel.lyapunov.products` says; where generators go with the mesh frequency, in the
-    coordinates of these.
-    """
-    matrix, scale = np.empty((len(row), chain.size, chain.size)), np.empty(len(row))
-    given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
-
-    def part(first: int, last: int) -> None:
-        ckernel.library.products(ckernel.simd(), *given, first, last, len(row), *where, matrix, scale)
-
-    in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
-    left = np.flatnonzero(~chain.sound[row])
-    if len(left):
-        matrix[left], scale[left] = lyapunov.products(chain, row[left], cycle[left])
-    return matrix, scale
-
-
-def exponentials(
-    cycles: float, fractions: Array, states: Array, generator: Generators, row: Array, cycle: Array
-) -> Array:
-    """Products of the exponentials of all segments ``(P, m, m)`` at points (row, 1/Omega) ``(P,)``, not scaled.
-
-    fractions ``(r, S)``, states ``(S,)``: as of a pattern.
-    """
-    given, where = _scattered(cycles, fractions, states, generator), (_whole(row), contiguous(cycle))
-    m = generator.matrix.shape[-1]
-    matrix, scale = np.empty((len(row), m, m)), np.empty(len(row))
-
-    def part(first: int, last: int) -> None:
-        of_points = LANES * first, min(LANES * last, len(row)), len(row)
-        ckernel.library.products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
-
-    in_threads(part, -(-len(row) // LANES), float(LANES * len(states) * m**3), None)
-    with np.errstate(over="ignore"):
-        return matrix * np.exp(scale)[:, None, None]
-
-
-def chained(
-    cycles: float, fractions: Array, states: Array, values: Array, vectors: Array, inverse: Array, row: Array,
-    cycle: Array,
-) -> Array:  # fmt: skip
-    """Products of all segments ``(P, m, m)`` at points (row, 1/Omega) ``(P,)``, not scaled.
-
-    values ``(r, D, m)``, vectors and their inverse ``(r, D, m, m)``: of well-conditioned states. fractions ``(r, S)``,
-    states ``(S,)``: as of a pattern.
-    """
-    values, basis, inverse = real_modes(values, vectors, inverse)
-    count, following = values.shape[1], np.roll(states, -1)
-    pairs, index = np.unique(following * count + states, return_inverse=True)
-    change = inverse[:, pairs // count] @ basis[:, pairs % count]
-    given, where = _damped(cycles, values, fractions, states, change, index), (_whole(row), contiguous(cycle))
-    m = values.shape[2]
-    matrix, scale = np.empty((len(row), m, m)), np.empty(len(row))
-
-    def part(first: int, last: int) -> None:
-        of_points = LANES * first, min(LANES * last, len(row)), len(row)
-        ckernel.library.products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
-
-    # Points that go through the period side by side take no longer than one.
-    in_threads(part, -(-len(row) // LANES), float(LANES * len(states) * m**3), None)
-    first = states[0]
-    return basis[row, first] @ (matrix * np.exp(scale)[:, None, None]) @ inverse[row, first]
-
-
-def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | None = None) -> Array:
-    """C version of :func:`gearstab.floquet.kernel.lyapunov.radii`; same arguments and result."""
-    chain, row = chain.at(row, cycle, slopes=True)
-    if chain.slope is not None:
-        return lyapunov.radii(chain, row, cycle, growth)
-    radius = np.empty((len(row), 2))
-    given = (*_of_chain(chain), contiguous(chain.weight), lyapunov.settings(chain))
-    where = (_whole(row), contiguous(cycle), contiguous(growth))
-
-    def part(first: int, last: int) -> None:
-        ckernel.library.radii(ckernel.simd(), *given, first, last, len(row), *where, radius)
-
-    # Roughly: it decides only from how many points on threads pay.
-    in_threads(part, len(row), 10.0 * len(chain.states) * chain.size**3, limit)
-    left = np.flatnonzero(np.isnan(radius).any(axis=1) | ~chain.sound[row])
-    if len(left):
-        radius[left] = lyapunov.radii(chain, row[left], cycle[left], growth[left])
-    return radius
-
-
-def _whole(values: Array) -> Array:
+def whole_numbers(values: Array) -> Array:
+    """As the C functions take whole numbers."""
     return np.ascontiguousarray(values, dtype=np.int64)
 
 

@@ -17,10 +17,11 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.grouping import equal_rows
+from gearstab.mesh import Mesh
 from gearstab.modal import symmetric_eigen
 from gearstab.propagation.schedule import Functions, sources
 from gearstab.support import ONLY_MESHES, require
-from gearstab.system import Array, GearSystem, Mesh
+from gearstab.system import Array, GearSystem
 
 SHORTEST = 2e-15
 """Segments shorter than this part of the common period are rounding errors of coinciding jumps; leaving one out

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.floquet.kernel.c_kernel import chained
+from gearstab.floquet.kernel.c_points import chained
 from gearstab.propagation.bundles import Bundle, bundles
 from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import Excitation, excitation

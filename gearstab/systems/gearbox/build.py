@@ -17,8 +17,9 @@ import numpy as np
 from gearstab.connections import MachineElement
 from gearstab.errors import NotPossible
 from gearstab.gears.relief import ReliefForce
+from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm, RevolutionError
 from gearstab.rotation import Rotation
-from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm, RevolutionError
+from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
 from gearstab.systems.gearbox.loads import torques

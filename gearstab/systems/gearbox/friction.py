@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
+from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm
+from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Row, total
 from gearstab.systems.gearbox.teeth import Rubbing
 from gearstab.systems.gearbox.train import Train

@@ -12,8 +12,9 @@ from pydantic import Field
 from gearstab.config.model.arrays import given, matrix, vector
 from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
 from gearstab.config.model.fields import NonNegative, Quantity, Section
+from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.modal import modal_damping_matrix
-from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
+from gearstab.system import Array, GearSystem
 from gearstab.waveforms import Scaled
 
 MatrixEntry = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]

@@ -18,7 +18,8 @@ from pydantic import Field
 from gearstab.config.document.problems import nearest
 from gearstab.config.model.conflicts import Conflict, items, plain_number
 from gearstab.config.model.fields import Choice, NameText, Quantity, Section, Whole
-from gearstab.system import Array, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import Array
 from gearstab.systems.parts.weak_tooth import OnePair, equal_shares, missing, over_the_width, own_pairs
 from gearstab.waveforms import Tooth, ToothPair
 

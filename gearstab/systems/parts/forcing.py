@@ -21,7 +21,8 @@ from gearstab.config.model.fields import (
     Turns,
     Vector,
 )
-from gearstab.system import GearSystem, PeriodicForce
+from gearstab.mesh import PeriodicForce
+from gearstab.system import GearSystem
 from gearstab.waveforms import Fourier
 
 ErrorAmplitude = Annotated[float, Quantity("m", ("rad",), entry=True)]

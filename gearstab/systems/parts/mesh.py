@@ -9,7 +9,6 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from gearstab import system
 from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one, within
 from gearstab.config.model.fields import (
     AnyRatio,
@@ -26,6 +25,7 @@ from gearstab.config.model.fields import (
     Stiffness,
     Turns,
 )
+from gearstab.mesh import Mesh
 from gearstab.system import Array
 from gearstab.systems.parts.forcing import TransmissionError
 from gearstab.waveforms.section import (
@@ -263,9 +263,7 @@ def may_have(name: str, short: ShortName, place: str | int, mesh: dict[str, Any]
     return mesh.get(short.rival) is None and not (name == "contact_ratio" and has_no_ratio(mesh))
 
 
-def build_mesh(
-    p: Any, direction: Array, frequency_ratio: Fraction | float = Fraction(1), lag: Any = 0.0
-) -> system.Mesh:
+def build_mesh(p: Any, direction: Array, frequency_ratio: Fraction | float = Fraction(1), lag: Any = 0.0) -> Mesh:
     """Return the mesh of the given parameters.
 
     The stiffness is given by ``mean_stiffness`` k_g or ``max_stiffness`` k_max (the stiffer level is kept, Lin & Parker
@@ -289,7 +287,7 @@ def build_mesh(
         mean = wave.mean_stiffness
     if amplitude is not None:
         epsilon = np.asarray(amplitude) / mean
-    return system.Mesh(p.get("name", ""), direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
+    return Mesh(p.get("name", ""), direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
 
 
 def _ratio(mean: Array, amplitude: Array) -> Array:

@@ -21,7 +21,8 @@ from gearstab.config.model.fields import (
     Turns,
     Vector,
 )
-from gearstab.system import Array, PeriodicTerm
+from gearstab.mesh import PeriodicTerm
+from gearstab.system import Array
 from gearstab.waveforms import Constant, Profile, Scaled
 from gearstab.waveforms.section import WaveformSection, build_waveform, shape_conflicts, wave_of
 

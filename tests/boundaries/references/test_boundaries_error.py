@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from gearstab.floquet.boundaries import boundaries
-from gearstab.system import GearSystem, Mesh
+from gearstab.mesh import Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 mp.mp.dps = 40

@@ -9,9 +9,10 @@ from systems import train
 
 from gearstab.floquet import solve
 from gearstab.floquet.required_damping import FLAGS, required_damping
+from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes, modal_damping_matrix
 from gearstab.perturbation import first_order
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Fourier, Rectangular, Trapezoidal
 
 

@@ -16,8 +16,9 @@ from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.frequencies import lyapunov, per_mesh
 from gearstab.floquet.required_damping import FLAGS, required_damping
+from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm
 from gearstab.response import free_response, steady_state
-from gearstab.system import GearSystem, Mesh, PeriodicForce, PeriodicTerm
+from gearstab.system import GearSystem
 from gearstab.waveforms import Fourier, Rectangular, Scaled, Trapezoidal
 
 CLEAR = 1e-6

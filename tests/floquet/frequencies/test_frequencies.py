@@ -12,8 +12,9 @@ from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.frequencies import chosen, common_period, groups, lyapunov, per_mesh
 from gearstab.floquet.kernel import c_kernel, factors
 from gearstab.floquet.segments.pattern import prepare, window
+from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.modal import mean_modes, modal_damping_matrix
-from gearstab.system import GearSystem, Mesh, PeriodicTerm
+from gearstab.system import GearSystem
 from gearstab.waveforms import Fourier, Rectangular, Scaled, Trapezoidal
 
 GOLDEN = (np.sqrt(5) - 1) / 2

@@ -16,8 +16,9 @@ import pytest
 import gearstab as gs
 from gearstab.config import ConfigError
 from gearstab.floquet.general.whirl import whirl_motions
+from gearstab.mesh import Mesh
 from gearstab.rotation import Rotation
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 Array = np.ndarray

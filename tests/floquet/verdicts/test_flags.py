@@ -16,8 +16,9 @@ from systems import star, train
 from tongues import monodromy
 
 from gearstab.floquet import solve
+from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 CLEARLY_OFF, CLEARLY_ON = 1e-4, 1e-11

@@ -10,8 +10,8 @@ from systems import KINDS, SMOOTH_OMEGA, Smooth, smooth_train, star, system, tra
 
 from gearstab.floquet import solve
 from gearstab.floquet.frequencies import lyapunov, per_mesh
+from gearstab.mesh import PeriodicTerm
 from gearstab.modal import modal_damping_matrix
-from gearstab.system import PeriodicTerm
 
 RATIOS = (None, 0.0, 1e-14, 1e-12, 1e-10, 1e-3, -1e-12)
 """Damping ratios of all modes; at the smallest, growth a period is of the size of rounding errors."""

@@ -11,7 +11,7 @@ from systems import COSINE, G1, G2, Smooth, train
 
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.kernel import decision
-from gearstab.system import PeriodicTerm
+from gearstab.mesh import PeriodicTerm
 
 NOTHING = PeriodicTerm("nothing", G1, G1, stiffness=Smooth(0.0, 0.0))
 

@@ -6,8 +6,9 @@ from fractions import Fraction
 
 import numpy as np
 
+from gearstab.mesh import Mesh
 from gearstab.rotation import Rotation
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
 Array = np.ndarray

@@ -14,8 +14,9 @@ from tongues import inside, near_edge
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import Boundaries, boundaries
+from gearstab.mesh import PeriodicTerm
 from gearstab.modal import mean_modes
-from gearstab.system import GearSystem, PeriodicTerm
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Constant, Rectangular, Scaled
 

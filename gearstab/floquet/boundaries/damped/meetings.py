@@ -25,7 +25,7 @@ import numpy as np
 
 from gearstab.floquet.boundaries.damped.proof import MODULI
 from gearstab.floquet.boundaries.damped.scan import Scan
-from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.grouping import numbered
 from gearstab.system import Array
@@ -132,8 +132,8 @@ class Logarithms:
     @classmethod
     def at(cls, chain: Chain, row: Array, cycle: Array) -> Logarithms:
         """Return the logarithms at points (row, cycle) ``(P,)``."""
-        here, scale = kernel.products(chain, row, cycle)
-        later, other = kernel.products(chain, row, cycle * (1 + APART))
+        here, scale = c_points.products(chain, row, cycle)
+        later, other = c_points.products(chain, row, cycle * (1 + APART))
         values, vectors = (part.astype(complex) for part in np.linalg.eig(here))
         try:
             inverse = np.linalg.inv(vectors)

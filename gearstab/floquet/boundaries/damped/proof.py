@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.boundaries.damped.roots import RootBrackets, narrowed
-from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.grouping import numbered
 from gearstab.system import Array
@@ -155,7 +155,7 @@ class Cover:
 
     def sample(self, row: Array, x: Array) -> MultiplierSamples:
         """Multipliers at further points, which are kept; rows ascend."""
-        found = MultiplierSamples(row, x, kernel.moduli(self.chain, row, np.exp(x)))
+        found = MultiplierSamples(row, x, c_points.moduli(self.chain, row, np.exp(x)))
         self.count(row, MODULI + self.chain.exponential)
         self.samples = self.samples.joined(found)
         return found
@@ -175,7 +175,7 @@ class Cover:
         tried = np.flatnonzero((growth < STRONGEST) & (growth != 0) & self.provable[found.row])
         if len(tried):
             given = found.row[tried], np.exp(found.x[tried]), growth[tried]
-            radius[tried] = SAFETY * kernel.radii(self.chain, *given)
+            radius[tried] = SAFETY * c_points.radii(self.chain, *given)
             # One that is 0 says that not even Q is positive.
             radius[(radius == 0).any(axis=1)] = 0.0
             self.count(found.row[tried], PROOF + self.chain.preparation)

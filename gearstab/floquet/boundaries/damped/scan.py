@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.floquet.boundaries.damped.proof import Cover, Gaps, MultiplierSamples
-from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.grouping import numbered
@@ -253,6 +253,6 @@ def halves(chain: Chain, row: Array, cycle: Array) -> tuple[Array, Array, Array]
     middle = len(chain.states) // 2
     first, one = np.tile(np.eye(chain.size), (len(row), 1, 1)), np.zeros(len(row))
     if middle:
-        first, one = kernel.products(chain.part(slice(0, middle)), row, cycle)
-    second, other = kernel.products(chain.part(slice(middle, None)), row, cycle)
+        first, one = c_points.products(chain.part(slice(0, middle)), row, cycle)
+    second, other = c_points.products(chain.part(slice(middle, None)), row, cycle)
     return first, second, one + other

@@ -19,7 +19,7 @@ import numpy as np
 
 from gearstab.floquet.boundaries.intervals import Intervals
 from gearstab.floquet.boundaries.names.labels import BAND
-from gearstab.floquet.kernel import c_kernel as kernel
+from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.grouping import numbered
 from gearstab.system import Array
@@ -157,7 +157,7 @@ class _SignedMotions:
 def _weights(chain: Chain, row: Array, cycle: Array, left: Array, harmonic: Array) -> Array:
     """``(P, m, K)``: the squared amplitude of each harmonic of each motion in the fastest growing solution."""
     period = chain.period(cycle)
-    product, scale = kernel.products(chain, row, cycle)
+    product, scale = c_points.products(chain, row, cycle)
     multipliers, vectors = np.linalg.eig(product)
     each = np.arange(len(row))
     best = np.abs(multipliers).argmax(axis=1)

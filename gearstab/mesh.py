@@ -1,0 +1,165 @@
+"""What varies or acts periodically: tooth meshes, further terms of K(t) and C(t), and forces.
+
+They are the parts of :class:`gearstab.system.GearSystem`, whose equation says what each does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+
+from gearstab.waveforms import Constant, Fourier, Profile, Rectangular, Waveform
+from gearstab.waveforms.profile import harmonic
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class RevolutionError:
+    """A transmission error that repeats with the revolution of a gear: an eccentricity, or errors of its pitch.
+
+    name: of mesh and gear. profile: e over a revolution. frequency_ratio: of the gear over Omega, relative to what the
+    mesh is fixed in. lag: as in :class:`Mesh`, in revolutions.
+    """
+
+    name: str
+    profile: Fourier
+    frequency_ratio: Fraction
+    lag: Array | float = 0.0
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """One tooth mesh: a spring of periodic stiffness along a direction vector.
+
+        k_i(t) = k_g [1 + 2 epsilon w(r Omega t/2 pi - lag)]
+
+    Parameters
+    ----------
+    name: what messages and results call it.
+    direction: ``(..., n)``, g_i; the mesh deflection is g_i^T q.
+    mean_stiffness: ``(...)``, k_g.
+    epsilon: ``(...)``, k_a/k_g, where 2 k_a is the peak-to-peak of the variation.
+    waveform: the shape w of period 1, zero mean and peak-to-peak 1.
+    frequency_ratio: r = Omega_i/Omega: exact, or a float, which stands for an irrational number.
+    lag: ``(...)``, the start of the wave as a fraction of this mesh's own period.
+    transmission_error: e_i(x), the unloaded static transmission error at the same phase x: the mesh is without force at
+        g_i^T q = e_i, so that it acts as the forces k_i(t) e_i g_i and c_i e_i' g_i. Stability does not depend on it.
+    revolution_errors: those that repeat with a revolution of a gear, which add to e_i.
+    damping: ``(...)``, c_i, what this mesh adds to the damping of the system, c_i g_i g_i^T.
+    backlash: 2 b, the play between the flanks, 0 where the teeth always touch. Only :mod:`gearstab.response.backlash`
+        lets them part; everything else is about the linear system in contact.
+    backlash_zero: where in the play g_i^T q = e_i is: in its ``middle``, or on the ``drive_side``, at the flank that
+        carries the load.
+    part_of: the name of the mesh whose stiffness it changes, "" for a mesh by itself. A weak tooth is such a part, with
+        the period of its shaft and a negative stiffness; its force counts to that of the mesh.
+    """
+
+    name: str
+    direction: Array
+    mean_stiffness: Array
+    epsilon: Array
+    waveform: Waveform
+    frequency_ratio: Fraction | float = Fraction(1)
+    lag: Array | float = 0.0
+    transmission_error: Fourier | None = None
+    revolution_errors: tuple[RevolutionError, ...] = ()
+    damping: Array | float = 0.0
+    backlash: Array | float = 0.0
+    backlash_zero: str = "middle"
+    part_of: str = ""
+
+    @property
+    def amplitude(self) -> Array:
+        """k_a = epsilon k_g, half of the peak-to-peak stiffness variation."""
+        return np.asarray(self.epsilon) * self.mean_stiffness
+
+    @property
+    def lowest_stiffness(self) -> Array:
+        """The softest level of k_i(t); infinite of a part, which has no sign of its own to keep."""
+        if self.part_of:
+            return np.full(np.broadcast_shapes(np.shape(self.mean_stiffness), self.waveform.batch), np.inf)
+        return self.mean_stiffness + 2 * self.amplitude * self.waveform.extremes()[0]
+
+    @property
+    def outer(self) -> Array:
+        """g g^T, ``(..., n, n)``."""
+        g = np.asarray(self.direction)
+        return g[..., :, None] * g[..., None, :]
+
+    def averaged(self) -> Mesh:
+        """Return the mesh with its mean stiffness throughout."""
+        return replace(self, epsilon=np.zeros_like(self.epsilon), waveform=Rectangular(1.0), lag=0.0)
+
+
+@dataclass(frozen=True)
+class PeriodicTerm:
+    """A periodic term of a mesh beside its symmetric stiffness: a(x) u v^T in K(t) and c(x) u v^T in C(t).
+
+    x = r Omega t/2 pi - lag; friction and mesh damping that follows the mesh stiffness are such terms.
+
+    Parameters
+    ----------
+    name: what messages and results call it.
+    left, right: ``(..., n)``, u and v.
+    stiffness, damping: the functions a and c of period 1, None where there is none; their means count.
+    frequency_ratio, lag: as in :class:`Mesh`.
+    mesh: the name of the mesh whose teeth must touch for it to act, "" where it always acts.
+    """
+
+    name: str
+    left: Array
+    right: Array
+    stiffness: Profile | None = None
+    damping: Profile | None = None
+    frequency_ratio: Fraction | float = Fraction(1)
+    lag: Array | float = 0.0
+    mesh: str = ""
+
+    @property
+    def profiles(self) -> tuple[Profile, ...]:
+        """The functions that there are."""
+        return tuple(profile for profile in (self.stiffness, self.damping) if profile is not None)
+
+    def averaged(self) -> PeriodicTerm:
+        """Return the term with the means of its functions throughout."""
+        stiffness, damping = (
+            None if profile is None else Constant(harmonic(profile, 0).real)
+            for profile in (self.stiffness, self.damping)
+        )
+        return replace(self, stiffness=stiffness, damping=damping)
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """The common leading shape of all arrays."""
+        ends = (np.shape(self.left)[:-1], np.shape(self.right)[:-1], np.shape(self.lag))
+        return np.broadcast_shapes(*ends, *(profile.batch for profile in self.profiles))
+
+
+@dataclass(frozen=True)
+class PeriodicForce:
+    """A force p(x) u, x = r Omega t/2 pi - lag.
+
+    Parameters
+    ----------
+    name: what messages and results call it.
+    direction: ``(..., n)``, u.
+    profile: the function p of period 1; its mean counts.
+    frequency_ratio, lag: as in :class:`Mesh`.
+    mesh: the name of the mesh along whose direction its teeth exert it, so that the mesh force is k_i (g_i^T q - e_i) -
+        p; "" of a force from outside.
+    """
+
+    name: str
+    direction: Array
+    profile: Profile
+    frequency_ratio: Fraction | float = Fraction(1)
+    lag: Array | float = 0.0
+    mesh: str = ""
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """The common leading shape of all arrays."""
+        return np.broadcast_shapes(np.shape(self.direction)[:-1], np.shape(self.lag), self.profile.batch)
