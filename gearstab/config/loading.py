@@ -17,11 +17,9 @@ from gearstab.config.document.data import NAME, document_of
 from gearstab.config.document.problems import ConfigError, nearest
 from gearstab.config.document.yaml import Document, read
 from gearstab.config.overrides import TOP_LEVEL
-from gearstab.config.reading.methods import complete_methods, read_methods, read_uncertainties
-from gearstab.config.reading.respond import read_respond
-from gearstab.config.reading.system import SystemSections, find_model, read_system
 
 if TYPE_CHECKING:
+    from gearstab.config.reading.system import SystemSections
     from gearstab.config.sections.methods import Methods
     from gearstab.systems.base import System
     from gearstab.systems.parts.respond import Respond
@@ -69,22 +67,26 @@ def load(
         for text in overrides:
             override.apply(document, text)
     _check_top_level(document, needs)
+    from gearstab.config.checks import feasibility
+    from gearstab.config.reading.methods import complete_methods, read_methods, read_uncertainties
+    from gearstab.config.reading.respond import read_respond
+    from gearstab.config.reading.system import find_model, read_system
+
+    document = document.copy()  # what was written in short is written out in it
     model = find_model(document)
     system = read_system(document, model, source) if model else None
     methods = read_methods(document)
-    respond = read_respond(document, model, system)
+    respond = read_respond(document, model, None if system is None else system.section)
     uncertainties = None
-    if methods is not None and system is not None:
+    if methods is not None and system is not None and system.sound:
         methods, uncertainties = read_uncertainties(methods, system)
         methods = complete_methods(document, source, methods, system.axes)
-    if methods is not None and model is not None and system is not None:
+    if methods is not None and system is not None and system.sound:
         for name, code, message, hint in system.section.unfit(system.axes, methods.chosen):
             document.report(("methods", *name), code, message, hint, at_key=True)
-    if document.problems or system is None or methods is None:
+    if document.problems or system is None or methods is None or not system.sound:
         raise ConfigError(document.problems)
     config = replace(_config(document, source, system, methods, respond), overrides=tuple(overrides))
-    from gearstab.config.checks import feasibility
-
     doubts = [*system.doubts, *feasibility.check(document, config)]
     if document.problems:
         raise ConfigError(document.problems)
@@ -102,6 +104,9 @@ def system_with(config: Config, values: Mapping[str, Any]) -> System:
 
     Raises ConfigError where a value is wrong, and ValueError for arrays whose shapes do not go together.
     """
+    from gearstab.config.checks import feasibility
+    from gearstab.config.reading.system import find_model, read_system
+
     arrays = dict(zip(values, np.broadcast_arrays(*values.values()), strict=True))
     shape = next(iter(arrays.values())).shape
     if len(arrays) == 1:
@@ -113,14 +118,12 @@ def system_with(config: Config, values: Mapping[str, Any]) -> System:
         columns = [array.ravel().tolist() for array in arrays.values()]
         rows = enumerate(zip(*columns, strict=True))
         sweep = {"case": [{"label": str(k), **dict(zip(arrays, row, strict=True))} for k, row in rows]}
-    document = document_of({"system": config.document.data["system"], "sweep": sweep}, "values")
+    document = document_of({"system": config.tree["system"], "sweep": sweep}, "values")
     model = find_model(document)
     system = read_system(document, model, config.source) if model else None
-    if document.problems or system is None:
+    if document.problems or system is None or not system.sound:
         raise ConfigError(document.problems)
     found = replace(config, system=system.section, axes=system.axes, respond=None, document=document)
-    from gearstab.config.checks import feasibility
-
     feasibility.check(document, found)
     if document.problems:
         raise ConfigError(document.problems)

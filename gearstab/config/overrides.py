@@ -14,6 +14,7 @@ from gearstab.config.document.yaml import Document, Where, parse_value
 
 if TYPE_CHECKING:
     from gearstab.config.model.fields import ShortName
+    from gearstab.systems.parts.mesh import ToothMesh
 
 TOP_LEVEL = ("title", "system", "sweep", "methods", "respond", "design")
 """The sections of a document."""
@@ -76,22 +77,22 @@ def _places(document: Document, name: str, option: str) -> list[Path]:
         raise _wrong(
             option, "override", "is no part of the system", "set sweep.mesh_frequency or respond.mesh_frequency"
         )
+    from gearstab.config.model.reading import read
     from gearstab.systems import KINDS, short_names
 
     system, short = mapping(document.get(("system",))), short_names().get(name)
     kind = system.get("kind")
-    places = [*KINDS[kind].mesh_places(system)] if isinstance(kind, str) and kind in KINDS else []
-    if short is not None and places:
-        return _of_meshes(places, name, short, option)
+    if short is not None and isinstance(kind, str) and kind in KINDS:
+        section = read(KINDS[kind].variant(system), system)[0]
+        if places := list(section.mesh_places()):
+            return _of_meshes(places, name, short, option)
     return [_path(document, ["system", *keys], option)]
 
 
-def _of_meshes(places: list[tuple[Path, dict[str, Any]]], name: str, short: ShortName, option: str) -> list[Path]:
-    from gearstab.config.model.conflicts import as_meant
-    from gearstab.systems.parts.mesh import ToothMesh, may_have
+def _of_meshes(places: list[tuple[Path, ToothMesh]], name: str, short: ShortName, option: str) -> list[Path]:
+    from gearstab.systems.parts.mesh import may_have
 
-    known = [(place, as_meant(mesh, ToothMesh)) for place, mesh in places]
-    found: list[Path] = [("system", *place, name) for place, mesh in known if may_have(name, short, place[-1], mesh)]
+    found: list[Path] = [("system", *place, name) for place, mesh in places if may_have(name, short, place[-1], mesh)]
     if not found:
         remedy = f"the meshes give {short.rival}: set that" if short.rival else "see `gearstab schema`"
         raise _wrong(option, "unknown_target", f"no mesh has {name}", remedy)

@@ -8,7 +8,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from gearstab.config.model.fields import NUMBER
-from gearstab.config.model.introspection import field_types, is_model, number_kind
+from gearstab.config.model.introspection import descriptions, field_types, is_model, number_kind, title_of
 from gearstab.config.sections import design
 from gearstab.config.sections.expansion import Range
 from gearstab.config.sections.methods import Methods
@@ -33,6 +33,8 @@ def schema() -> dict[str, Any]:
     found = definitions["$defs"]
     for model in _all_models(models):
         _loosen(found[model.__name__], model)
+        for name, text in descriptions(model).items():
+            found[model.__name__]["properties"][name] |= {"description": text, "title": title_of(model, name)}
     return {
         "$schema": DIALECT,
         "title": "gearstab configuration",

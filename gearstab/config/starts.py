@@ -11,7 +11,7 @@ from typing import Any
 
 from gearstab.config.document.problems import nearest
 from gearstab.config.document.tree import mapping, sequence
-from gearstab.config.model.introspection import inner_type, is_model
+from gearstab.config.model.introspection import descriptions, inner_type, is_model
 from gearstab.config.sections.methods import Methods
 from gearstab.errors import NotPossible
 from gearstab.systems import KINDS
@@ -62,8 +62,8 @@ def _mapping(section: dict[str, Any], model: Any, indent: int, others: bool) -> 
     """
     for key, value in section.items():
         kind = inner_type(model, key)
-        said = model.model_fields[key].description if is_model(model) and key != "name" else ""
-        said = (said or "").rstrip(".")
+        said = descriptions(model).get(key, "") if is_model(model) and key != "name" else ""
+        said = said.rstrip(".")
         blank = " " * indent
         first = next(iter(sequence(value)), None)
         if mapping(value) and is_model(kind):

@@ -140,5 +140,5 @@ class DesignProblem:
     def _span(item: SpeedRange, p: System) -> Span:
         factor = 1.0
         if item.of == INPUT_SPEED:
-            factor = float(p.cycles_of_input(p) or 1.0)
+            factor = float(p.cycles_of_input() or 1.0)
         return Span(item.low * factor, item.high * factor, item.weight, factor)

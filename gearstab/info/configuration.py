@@ -26,7 +26,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
     theory = asked.order if asked and not unsupported(system, SUPPORTS) else 1
     order = harmonics or (asked.harmonics if asked else HARMONICS)
     sweep = {axis.name: axis.size for axis in config.axes}
-    orders = config.system.cycles_of_input(config.system)
+    orders = config.system.cycles_of_input()
     dangerous = danger.facts(config, system, order)
     nothing: dict[str, Any] = {"tongues": [], "existence_rule": None}
     return {

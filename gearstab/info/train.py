@@ -88,7 +88,7 @@ def _set(train: Train, item: TrainSet, torque: float | None) -> dict[str, Any]:
     return {
         "name": item.name,
         "members": {member: item.body[member] for member in ("sun", "ring", "carrier")},
-        "held": item.p.get("held"),
+        "held": item.p.held,
         "teeth": {gear: item.counted(gear) for gear in ("sun", "planet", "ring")},
         "planets": item.count,
         "angles": [math.degrees(float(angle)) for angle in item.angles],
@@ -105,10 +105,9 @@ def _set(train: Train, item: TrainSet, torque: float | None) -> dict[str, Any]:
 def _shafts(train: Train) -> list[dict[str, Any]]:
     from gearstab.systems.gearbox.build import shaft_stiffness
 
-    shafts = train.p.get("shafts") or []
     return [
-        {"name": s["name"], "between": list(s["between"]), "stiffness": float(shaft_stiffness(train, s))}
-        for s in shafts
+        {"name": s.name, "between": list(s.between), "stiffness": float(shaft_stiffness(train, s))}
+        for s in train.p.shafts
     ]
 
 

@@ -29,19 +29,12 @@ CERTIFICATE = 40.0
 class BoundariesOptions(ModesOption):
     """Edges of all instability regions over the range of the mesh frequency, by root finding."""
 
-    tolerance: Tolerance = Field(
-        default=1e-10, title="tolerance", description="Of an edge, relative to the mesh frequency (1)."
-    )
-    width_floor: WidthFloor = Field(
-        default=1e-6,
-        title="width floor",
-        description="Regions narrower than this, relative to the mesh frequency, may be left out (1).",
-    )
-    certificate: Flag = Field(
-        default=False,
-        title="certificates",
-        description="Store what proves stability and instability, piece by piece, for `gearstab verify`.",
-    )
+    tolerance: Tolerance = 1e-10
+    """Of an edge, relative to the mesh frequency (1)."""
+    width_floor: WidthFloor = 1e-6
+    """Regions narrower than this, relative to the mesh frequency, may be left out (1)."""
+    certificate: Flag = Field(default=False, title="certificates")
+    """Store what proves stability and instability, piece by piece, for `gearstab verify`."""
 
 
 class BoundaryAnalysis(TongueMethod, Restricted):

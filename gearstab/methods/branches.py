@@ -27,52 +27,28 @@ if TYPE_CHECKING:
 class BranchesOptions(Section):
     """Periodic motions with backlash as curves over the mesh frequency or another axis, through folds."""
 
-    over: str | None = Field(
-        default=None,
-        title="over",
-        description="Axis of numbers of the sweep along which motions are followed; default the mesh frequency.",
-    )
-    start: list[Literal["linear", "rest", "random"]] = Field(
-        default=["linear", "rest"],
-        min_length=1,
-        title="start",
-        description="Where branches begin: the linear motion, what the static equilibrium or random states settle to.",
-    )
-    at: list[float] | None = Field(
-        default=None,
-        min_length=1,
-        max_length=1000,
-        title="at",
-        description="Values of the axis at which motions are looked for; default five over the range.",
-    )
-    states: Annotated[int, Field(ge=1, le=1000), Whole] = Field(
-        default=1, title="states", description="Random initial states at each value, with start: [random]."
-    )
-    seed: Annotated[int, Field(ge=0), Whole] = Field(default=0, title="seed", description="Of the random states.")
-    cycles: Annotated[float, Field(gt=0, le=1e6), Quantity()] = Field(
-        default=200.0, title="cycles", description="Of the first mesh, that a motion is given to settle (1)."
-    )
-    period_doubling: Literal["mark", "follow"] = Field(
-        default="mark",
-        title="period doubling",
-        description="Whether branches of twice the period that leave at period doublings are followed too.",
-    )
-    branch_point: Literal["mark", "follow"] = Field(
-        default="mark", title="branch point", description="Whether those that leave at branch points are followed, too."
-    )
-    points: Annotated[int, Field(ge=10, le=100_000), Whole] = Field(
-        default=1000, title="points", description="Motions of all branches of a system together, at most."
-    )
-    longest_step: Annotated[float, Field(gt=0, le=1), Quantity()] = Field(
-        default=0.05,
-        title="longest step",
-        description="Between motions, relative to the range of the axis and the extent of a motion (1).",
-    )
-    largest: Annotated[float, Field(gt=1, le=1e6), Quantity()] = Field(
-        default=10.0,
-        title="largest motion",
-        description="Extent, relative to that of the first motion, at which a branch ends (1).",
-    )
+    over: str | None = None
+    """Axis of numbers of the sweep along which motions are followed; default the mesh frequency."""
+    start: list[Literal["linear", "rest", "random"]] = Field(default=["linear", "rest"], min_length=1)
+    """Where branches begin: the linear motion, what the static equilibrium or random states settle to."""
+    at: list[float] | None = Field(default=None, min_length=1, max_length=1000)
+    """Values of the axis at which motions are looked for; default five over the range."""
+    states: Annotated[int, Field(ge=1, le=1000), Whole] = 1
+    """Random initial states at each value, with start: [random]."""
+    seed: Annotated[int, Field(ge=0), Whole] = 0
+    """Of the random states."""
+    cycles: Annotated[float, Field(gt=0, le=1e6), Quantity()] = 200.0
+    """Of the first mesh, that a motion is given to settle (1)."""
+    period_doubling: Literal["mark", "follow"] = "mark"
+    """Whether branches of twice the period that leave at period doublings are followed too."""
+    branch_point: Literal["mark", "follow"] = "mark"
+    """Whether those that leave at branch points are followed, too."""
+    points: Annotated[int, Field(ge=10, le=100_000), Whole] = 1000
+    """Motions of all branches of a system together, at most."""
+    longest_step: Annotated[float, Field(gt=0, le=1), Quantity()] = 0.05
+    """Between motions, relative to the range of the axis and the extent of a motion (1)."""
+    largest: Annotated[float, Field(gt=1, le=1e6), Quantity()] = Field(default=10.0, title="largest motion")
+    """Extent, relative to that of the first motion, at which a branch ends (1)."""
     _axis: Axis | None = PrivateAttr(default=None)
 
     @property

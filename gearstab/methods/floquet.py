@@ -57,53 +57,35 @@ def _deflection_type(value: Any) -> Any:
 class LyapunovOptions(Section):
     """The largest Lyapunov exponent, for mesh frequencies without a common period."""
 
-    cycles: Annotated[float, Field(ge=20, le=1e7), Quantity()] = Field(
-        default=500, title="cycles", description="Length of the window in periods of the slowest mesh (1)."
-    )
-    confidence: Annotated[float, Field(gt=0.5, lt=1), Quantity()] = Field(
-        default=0.95, title="confidence", description="Of the interval of the growth rate (1)."
-    )
-    seed: Annotated[int, Field(ge=0, le=2**32), Whole] = Field(
-        default=0, title="seed", description="Of the random part of the start vectors."
-    )
+    cycles: Annotated[float, Field(ge=20, le=1e7), Quantity()] = 500
+    """Length of the window in periods of the slowest mesh (1)."""
+    confidence: Annotated[float, Field(gt=0.5, lt=1), Quantity()] = 0.95
+    """Of the interval of the growth rate (1)."""
+    seed: Annotated[int, Field(ge=0, le=2**32), Whole] = 0
+    """Of the random part of the start vectors."""
 
 
 class FloquetOptions(ModesOption):
     """Exact stability at every point of the grid."""
 
-    certificate: Flag = Field(
-        default=False,
-        title="certificates",
-        description="Prove the stability of every point in ball arithmetic, where that is possible, and mark it.",
-    )
-    exponents: Flag = Field(
-        default=False, title="exponents", description="Store all characteristic exponents, not only the growth rate."
-    )
-    tolerance: Tolerance = Field(
-        default=1e-9,
-        title="tolerance",
-        description="Of the multipliers, for waves that are not piecewise constant (1).",
-    )
-    block: Annotated[int | str, BeforeValidator(_deflection_type)] | None = Field(
-        default=None,
-        title="block",
-        description="Restrict the system to one type of mesh deflection, of a system with cyclic symmetry: "
-        "T = 0, 1, 2, ... or its name; default all.",
-    )
+    certificate: Flag = Field(default=False, title="certificates")
+    """Prove the stability of every point in ball arithmetic, where that is possible, and mark it."""
+    exponents: Flag = False
+    """Store all characteristic exponents, not only the growth rate."""
+    tolerance: Tolerance = 1e-9
+    """Of the multipliers, for waves that are not piecewise constant (1)."""
+    block: Annotated[int | str, BeforeValidator(_deflection_type)] | None = None
+    """Restrict the system to one type of mesh deflection, of a system with cyclic symmetry: T = 0, 1, 2, ... or its
+    name; default all."""
     frequencies: Annotated[str, Choice("way", ("auto", "common_period", "per_mesh", "lyapunov"))] = Field(
-        default="auto",
-        title="many mesh frequencies",
-        description="common_period: exact; per_mesh: one frequency at a time, the others at their mean; lyapunov: "
-        "largest Lyapunov exponent with a confidence interval; auto: exact while affordable.",
+        default="auto", title="many mesh frequencies"
     )
-    affordable_segments: Annotated[int, Field(ge=1, le=10_000_000), Whole] = Field(
-        default=20_000,
-        title="affordable segments",
-        description="A common period of more segments is not the automatic choice.",
-    )
-    lyapunov: LyapunovOptions = Field(
-        default=LyapunovOptions(), title="lyapunov", description="How Lyapunov exponents are estimated."
-    )
+    """common_period: exact; per_mesh: one frequency at a time, the others at their mean; lyapunov: largest Lyapunov
+    exponent with a confidence interval; auto: exact while affordable."""
+    affordable_segments: Annotated[int, Field(ge=1, le=10_000_000), Whole] = 20_000
+    """A common period of more segments is not the automatic choice."""
+    lyapunov: LyapunovOptions = LyapunovOptions()
+    """How Lyapunov exponents are estimated."""
 
 
 class Floquet(Restricted):

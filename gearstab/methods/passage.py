@@ -71,41 +71,22 @@ class PassageOptions(Section):
     rate: (
         Annotated[list[Rate], AfterValidator(_moving), BeforeValidator(lambda v: v if isinstance(v, list) else [v])]
         | None
-    ) = Field(
-        default=None,
-        min_length=1,
-        title="rate",
-        description="Change of the axis of the mesh frequency (or input_speed) per unit time; negative: downwards.",
-    )
+    ) = Field(default=None, min_length=1)
+    """Change of the axis of the mesh frequency (or input_speed) per unit time; negative: downwards."""
     path: Annotated[list[tuple[float, float]], AfterValidator(_path)] | None = Field(
-        default=None,
-        min_length=2,
-        max_length=100_000,
-        title="path",
-        description="Instead of rates: mesh frequency (or input speed) over time, [[time, frequency], ...], straight "
-        "between.",
+        default=None, min_length=2, max_length=100_000
     )
-    table: str | None = Field(
-        default=None,
-        title="table",
-        description="A CSV file with such a path, columns time and speed, in SI units or with a unit in brackets.",
-    )
-    amplification: Annotated[float, Field(gt=1, le=1e12), Quantity()] = Field(
-        default=10.0, title="amplification", description="Of the amplitude that is admitted, for the slowest rate (1)."
-    )
-    tolerance: Tolerance = Field(
-        default=1e-8, title="tolerance", description="Of the edges of the regions, relative to the mesh frequency (1)."
-    )
-    width_floor: WidthFloor = Field(
-        default=1e-6,
-        title="width floor",
-        description="Regions narrower than this, relative to the mesh frequency, may be left out (1).",
-    )
-    regions: Flag = Field(
-        default=True,
-        title="regions",
-        description="Whether regions are found and growth rates integrated; without, the exact motion alone tells.",
-    )
+    """Instead of rates: mesh frequency (or input speed) over time, [[time, frequency], ...], straight between."""
+    table: str | None = None
+    """A CSV file with such a path, columns time and speed, in SI units or with a unit in brackets."""
+    amplification: Annotated[float, Field(gt=1, le=1e12), Quantity()] = 10.0
+    """Of the amplitude that is admitted, for the slowest rate (1)."""
+    tolerance: Tolerance = 1e-8
+    """Of the edges of the regions, relative to the mesh frequency (1)."""
+    width_floor: WidthFloor = 1e-6
+    """Regions narrower than this, relative to the mesh frequency, may be left out (1)."""
+    regions: Flag = True
+    """Whether regions are found and growth rates integrated; without, the exact motion alone tells."""
     _factor: float = PrivateAttr(default=1.0)
 
     @model_validator(mode="after")

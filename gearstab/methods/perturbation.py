@@ -28,23 +28,18 @@ Harmonics = Annotated[int, Field(ge=1, le=1000), Whole]
 class PerturbationOptions(Section):
     """Instability boundaries by perturbation theory."""
 
-    order: Annotated[int, Choice("order", (1, 2))] = Field(
-        default=1,
-        title="order",
-        description="Order of the expansion in epsilon: 1 gives straight boundaries; 2 also shifts and curves them, "
-        "opens tongues by products of harmonics, and estimates the error, but takes periodic mesh stiffness only.",
-    )
-    harmonics: Harmonics = Field(
-        default=3, title="harmonics", description="Up to which harmonic of each mesh, and of each periodic term."
-    )
+    order: Annotated[int, Choice("order", (1, 2))] = 1
+    """Order of the expansion in epsilon: 1 gives straight boundaries; 2 also shifts and curves them, opens tongues by
+    products of harmonics, and estimates the error, but takes periodic mesh stiffness only."""
+    harmonics: Harmonics = 3
+    """Up to which harmonic of each mesh, and of each periodic term."""
 
 
 class UncoupledOptions(Section):
     """Uncoupled Mathieu equations (Benton & Seireg 1980), to compare with."""
 
-    harmonics: Harmonics = Field(
-        default=3, title="harmonics", description="Up to which harmonic of the mesh stiffness."
-    )
+    harmonics: Harmonics = 3
+    """Up to which harmonic of the mesh stiffness."""
 
 
 class TonguePerturbation(TongueMethod):

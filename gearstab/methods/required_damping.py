@@ -27,24 +27,18 @@ ROOTS = 400.0
 class RequiredDampingOptions(Section):
     """The smallest damping that makes every point of the grid stable."""
 
-    of: Annotated[str, Choice("kind of damping", ("damping_ratio", "factor"))] = Field(
-        default="damping_ratio",
-        title="of",
-        description="damping_ratio: one modal damping ratio for all modes, in place of the damping given; factor: on "
-        "the damping given.",
-    )
-    largest: Annotated[float, Field(gt=0, le=1e6), Quantity()] | None = Field(
-        default=None,
-        title="largest damping",
-        description="Where the search ends (1); default a damping ratio of 0.5, or a factor of 100.",
-    )
-    tolerance: Tolerance = Field(default=1e-6, title="tolerance", description="Of the required damping, relative (1).")
+    of: Annotated[str, Choice("kind of damping", ("damping_ratio", "factor"))] = "damping_ratio"
+    """damping_ratio: one modal damping ratio for all modes, in place of the damping given; factor: on the damping
+    given."""
+    largest: Annotated[float, Field(gt=0, le=1e6), Quantity()] | None = Field(default=None, title="largest damping")
+    """Where the search ends (1); default a damping ratio of 0.5, or a factor of 100."""
+    tolerance: Tolerance = 1e-6
+    """Of the required damping, relative (1)."""
     frequencies: Annotated[str, Choice("way", ("auto", "common_period", "per_mesh"))] = Field(
-        default="auto",
-        title="many mesh frequencies",
-        description="common_period: exact; per_mesh: one frequency at a time, the others at their mean; auto: exact "
-        "while affordable.",
+        default="auto", title="many mesh frequencies"
     )
+    """common_period: exact; per_mesh: one frequency at a time, the others at their mean; auto: exact while affordable.
+"""
 
 
 class DampingAnalysis(Method):

@@ -26,36 +26,18 @@ from gearstab.system import Array, Feature, GearSystem
 class ResponseOptions(Section):
     """The periodic steady state of a driven system at every point of the grid."""
 
-    samples_per_cycle: Annotated[int, Field(ge=8, le=100_000), Whole] = Field(
-        default=100,
-        title="samples per cycle",
-        description="Samples in a period of the first mesh, between which a polynomial gives the extremes.",
-    )
-    tolerance: Tolerance = Field(
-        default=1e-9,
-        title="tolerance",
-        description="Of the motion over a period, for waves that are not piecewise constant (1).",
-    )
-    continuation: Annotated[str, Choice("direction", ("up", "down"))] | None = Field(
-        default=None,
-        title="continuation",
-        description="With backlash: up or down in the mesh frequency, every motion beginning where the one before led.",
-    )
-    cycles: Annotated[float, Field(gt=0, le=1e6), Quantity()] | None = Field(
-        default=None,
-        title="cycles",
-        description="With backlash: how long every motion is followed, in periods of the first mesh (1).",
-    )
-    discard: NonNegative | None = Field(
-        default=None,
-        title="cycles left out",
-        description="With backlash: how many of the cycles are left for the motion to settle; default half of them.",
-    )
-    bearings: Flag = Field(
-        default=False,
-        title="bearings",
-        description="Whether forces of bearings and torques of shafts are computed as well.",
-    )
+    samples_per_cycle: Annotated[int, Field(ge=8, le=100_000), Whole] = 100
+    """Samples in a period of the first mesh, between which a polynomial gives the extremes."""
+    tolerance: Tolerance = 1e-9
+    """Of the motion over a period, for waves that are not piecewise constant (1)."""
+    continuation: Annotated[str, Choice("direction", ("up", "down"))] | None = None
+    """With backlash: up or down in the mesh frequency, every motion beginning where the one before led."""
+    cycles: Annotated[float, Field(gt=0, le=1e6), Quantity()] | None = None
+    """With backlash: how long every motion is followed, in periods of the first mesh (1)."""
+    discard: NonNegative | None = Field(default=None, title="cycles left out")
+    """With backlash: how many of the cycles are left for the motion to settle; default half of them."""
+    bearings: Flag = False
+    """Whether forces of bearings and torques of shafts are computed as well."""
 
 
 FLAG_NOTES = {

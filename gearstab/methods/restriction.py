@@ -25,12 +25,8 @@ def _each_once(modes: list[int]) -> list[int]:
 class ModesOption(Section):
     """Which modes of the system a method keeps."""
 
-    modes: Annotated[list[ModeNumber], AfterValidator(_each_once)] | None = Field(
-        default=None,
-        min_length=1,
-        title="modes",
-        description="Restrict the system to these modes, numbered from 1 by ascending natural frequency; default all.",
-    )
+    modes: Annotated[list[ModeNumber], AfterValidator(_each_once)] | None = Field(default=None, min_length=1)
+    """Restrict the system to these modes, numbered from 1 by ascending natural frequency; default all."""
 
 
 class Restricted(Method):

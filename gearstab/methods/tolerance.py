@@ -48,20 +48,14 @@ def _numbers(count: int) -> BeforeValidator:
 class DistributionOptions(Section):
     """How an uncertain parameter is distributed: one of normal, uniform and triangular."""
 
-    normal: Annotated[list[AnyNumber], _numbers(2)] | None = Field(
-        default=None, title="normal", description="Mean and standard deviation, in the unit of the parameter."
-    )
-    uniform: Annotated[list[AnyNumber], _numbers(2)] | None = Field(
-        default=None, title="uniform", description="Low and high."
-    )
-    triangular: Annotated[list[AnyNumber], _numbers(3)] | None = Field(
-        default=None, title="triangular", description="Low, mode and high."
-    )
-    deviation: Flag = Field(
-        default=False,
-        title="deviation",
-        description="Whether this is added to the value that the system or an axis gives, instead of replacing it.",
-    )
+    normal: Annotated[list[AnyNumber], _numbers(2)] | None = None
+    """Mean and standard deviation, in the unit of the parameter."""
+    uniform: Annotated[list[AnyNumber], _numbers(2)] | None = None
+    """Low and high."""
+    triangular: Annotated[list[AnyNumber], _numbers(3)] | None = None
+    """Low, mode and high."""
+    deviation: Flag = False
+    """Whether this is added to the value that the system or an axis gives, instead of replacing it."""
 
     @model_validator(mode="after")
     def _one(self) -> DistributionOptions:
@@ -83,46 +77,29 @@ def _two(names: list[str]) -> list[str]:
 class CorrelationOptions(Section):
     """How two uncertain parameters go together."""
 
-    between: Annotated[list[str], AfterValidator(_two)] = Field(
-        title="between", description="Names of the two parameters, as under parameters."
-    )
-    value: Annotated[float, Field(gt=-1, lt=1), Quantity()] = Field(
-        title="value", description="Correlation coefficient of their normal deviates (1)."
-    )
+    between: Annotated[list[str], AfterValidator(_two)]
+    """Names of the two parameters, as under parameters."""
+    value: Annotated[float, Field(gt=-1, lt=1), Quantity()]
+    """Correlation coefficient of their normal deviates (1)."""
 
 
 class ToleranceOptions(Section):
     """Probability of instability at every point of the grid, of a system whose parameters are uncertain."""
 
-    parameters: dict[str, DistributionOptions] = Field(
-        min_length=1,
-        title="parameters",
-        description="Distributions by the name of the parameter, any that an axis may have.",
-    )
-    samples: Annotated[int, Field(ge=16, le=1_000_000), Whole] = Field(
-        default=1024, title="samples", description="Systems at every point; a few more where that evens out."
-    )
-    seed: Annotated[int, Field(ge=0, le=2**32), Whole] = Field(
-        default=0, title="seed", description="Of the samples, which are the same at all points."
-    )
-    correlation: list[CorrelationOptions] | None = Field(
-        default=None, title="correlation", description="Pairs that are not independent (a Gaussian copula)."
-    )
-    sobol: Flag = Field(
-        default=True,
-        title="Sobol indices",
-        description="Which parameter is to blame; without, the samples tell the probability more accurately.",
-    )
-    integrate_speed: Flag = Field(
-        default=False,
-        title="integrate speed",
-        description="Whether an uncertain mesh frequency is integrated between exact edges; then no Sobol indices.",
-    )
-    tolerance: Tolerance = Field(
-        default=1e-6,
-        title="tolerance",
-        description="Of the multipliers, for waves that are not piecewise constant (1).",
-    )
+    parameters: dict[str, DistributionOptions] = Field(min_length=1)
+    """Distributions by the name of the parameter, any that an axis may have."""
+    samples: Annotated[int, Field(ge=16, le=1_000_000), Whole] = 1024
+    """Systems at every point; a few more where that evens out."""
+    seed: Annotated[int, Field(ge=0, le=2**32), Whole] = 0
+    """Of the samples, which are the same at all points."""
+    correlation: list[CorrelationOptions] | None = None
+    """Pairs that are not independent (a Gaussian copula)."""
+    sobol: Flag = Field(default=True, title="Sobol indices")
+    """Which parameter is to blame; without, the samples tell the probability more accurately."""
+    integrate_speed: Flag = False
+    """Whether an uncertain mesh frequency is integrated between exact edges; then no Sobol indices."""
+    tolerance: Tolerance = 1e-6
+    """Of the multipliers, for waves that are not piecewise constant (1)."""
 
 
 class ToleranceAnalysis(SampledMethod):

@@ -27,16 +27,14 @@ if TYPE_CHECKING:
 class TongueProbabilityOptions(Section):
     """Probability that each region reaches into the range of speeds, of the distributions of methods.tolerance."""
 
-    samples: Annotated[int, Field(ge=16, le=1_000_000), Whole] = Field(
-        default=256, title="samples", description="Systems of which all regions are found; a few more for even numbers."
-    )
-    seed: Annotated[int, Field(ge=0, le=2**32), Whole] = Field(default=0, title="seed", description="Of the samples.")
-    tolerance: Tolerance = Field(
-        default=1e-6, title="tolerance", description="Of the edges of the regions, relative to the mesh frequency (1)."
-    )
-    width_floor: WidthFloor = Field(
-        default=1e-6, title="width floor", description="Regions narrower than this, relative to it, count as none (1)."
-    )
+    samples: Annotated[int, Field(ge=16, le=1_000_000), Whole] = 256
+    """Systems of which all regions are found; a few more for even numbers."""
+    seed: Annotated[int, Field(ge=0, le=2**32), Whole] = 0
+    """Of the samples."""
+    tolerance: Tolerance = 1e-6
+    """Of the edges of the regions, relative to the mesh frequency (1)."""
+    width_floor: WidthFloor = 1e-6
+    """Regions narrower than this, relative to it, count as none (1)."""
     _parameters: int = PrivateAttr(default=0)
 
     @property

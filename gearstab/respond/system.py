@@ -205,7 +205,7 @@ def _tree(
     if system.load is not None:
         common["static_mesh_force"] = static_mesh_force(system)
     said = ("status", "mesh_frequency", "common_period", "growth_rate", "largest_multiplier")
-    cycles = config.system.cycles_of_input(config.system)
+    cycles = config.system.cycles_of_input()
     table = with_orders(
         (*in_units_of(system, table), *loads.table(system)), None if cycles is None else found.mesh_frequency / cycles
     )

@@ -129,7 +129,8 @@ class Assembly:
         """Return the system with the damping and forces of the section ``p``. load: constant forces; more: fields."""
         place = self.coordinates
         meshes = tuple(replace(item.wave, direction=place.vector(item.row)) for item in self.meshes)
-        p = p | {"meshes": [item.p for item in self.meshes], "load": None if load is None else place.vector(load)}
+        update = {"meshes": [item.p for item in self.meshes], "load": None if load is None else place.vector(load)}
+        p = p.model_copy(update=update)
         bare = GearSystem(
             self.matrix("mass"), self.matrix("stiffness"), meshes, coordinates=tuple(place.units),
             units=tuple(place.units.values()), connections=tuple(self._connections()), **more,

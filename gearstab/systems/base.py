@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
@@ -12,6 +12,7 @@ from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, items, plain_number, repeated_names, within, within_each
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section
+from gearstab.config.model.reading import told
 from gearstab.systems import feasibility
 from gearstab.systems.parts.damping import Damping
 from gearstab.systems.parts.mesh import ToothMesh
@@ -42,39 +43,27 @@ START_MESH = {"mean_stiffness": 2.0e8, "epsilon": 0.2, "contact_ratio": 1.6}
 class System(Section):
     """The section ``system`` of a kind: its fields are the keys, and its methods all that other rooms ask of a kind.
 
-    A kind must override ``build`` and ``size``; everything else has a default that fits a linear system given by
-    numbers alone. ``raw`` is the section as meant (:mod:`gearstab.config.model.conflicts`; in ``complete`` and
-    ``variant`` as written), ``p`` the validated parameters.
+    A kind must override ``equations`` and ``size``; everything else has a default that fits a linear system given by
+    numbers alone. Values of a section that was not checked may be wrong (:mod:`gearstab.config.model.reading`).
+    ``raw`` is the section as written.
     """
 
     mesh_names: ClassVar[tuple[str, ...]] = ()
     """Default mesh names; further meshes are mesh1, mesh2, ..."""
 
-    mesh_model: ClassVar[type[ToothMesh]] = ToothMesh
-    """Formulation whose rules the meshes follow."""
     needs_units: ClassVar[bool] = False
     """Whether numbers of its own, of materials say, are in SI units."""
     start: ClassVar[Start | None] = None
     """Text that ``gearstab init`` prints; a kind without one is not offered there."""
 
-    damping_ratio: NonNegative | None = Field(
-        default=None,
-        title="modal damping ratio",
-        description="Damping ratio of every mode of the mean system (1); or give damping.",
-    )
-    damping: Damping | None = Field(
-        default=None, title="damping", description="Other forms of damping; or give damping_ratio."
-    )
-    units: Annotated[str, Choice("system of units", ("SI", "none"))] = Field(
-        default="SI",
-        title="units",
-        description="SI, or none: the numbers have no units, and results say none.",
-    )
-    allow_negative_stiffness: Flag = Field(
-        default=False,
-        title="negative stiffness allowed",
-        description="Admit variations that make a mesh's softer level zero or negative, as no teeth can be.",
-    )
+    damping_ratio: NonNegative | None = Field(default=None, title="modal damping ratio")
+    """Damping ratio of every mode of the mean system (1); or give damping."""
+    damping: Damping | None = None
+    """Other forms of damping; or give damping_ratio."""
+    units: Annotated[str, Choice("system of units", ("SI", "none"))] = "SI"
+    """SI, or none: the numbers have no units, and results say none."""
+    allow_negative_stiffness: Flag = Field(default=False, title="negative stiffness allowed")
+    """Admit variations that make a mesh's softer level zero or negative, as no teeth can be."""
 
     def build(self) -> GearSystem:
         """Build the gear system; with ``units: none`` nothing in it has a unit."""
@@ -89,8 +78,7 @@ class System(Section):
         """Return the section with what the files named in it hold."""
         return self
 
-    @classmethod
-    def size(cls, raw: dict[str, Any]) -> int | None:
+    def size(self) -> int | None:
         """Number of coordinates, None where it cannot be told."""
         raise NotImplementedError
 
@@ -101,19 +89,17 @@ class System(Section):
 
         return Respond
 
-    @classmethod
-    def turning(cls, raw: Any) -> Sequence[bool] | None:
+    def turning(self) -> Sequence[bool] | None:
         """Tell which coordinates are rotations in rad, others being displacements in m; None where it is unknown."""
-        return [False] * (cls.size(raw) or 0)
+        return [False] * (self.size() or 0)
 
-    @classmethod
-    def turning_meshes(cls, raw: dict[str, Any]) -> bool:
+    def turning_meshes(self) -> bool:
         """Whether mesh deflections are angles, so that mesh stiffnesses are torsional."""
         return False
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
-        """Write out what may be written in short, in the section as written. size: number of coordinates, if known."""
+    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
+        """Write out what may be written in short, in the section as written. contents: of the files that it names."""
 
     @classmethod
     def read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:
@@ -129,15 +115,13 @@ class System(Section):
         """Return the train whose teeth the system is computed from; None where no teeth are known."""
         return None
 
-    @classmethod
-    def mesh_places(cls, raw: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
+    def mesh_places(self) -> Iterator[tuple[Path, ToothMesh]]:
         """Yield the place of every mesh in the section, and the mesh."""
-        yield from ((("meshes", key), mesh) for key, mesh in items(raw.get("meshes")))
+        yield from ((("meshes", key), mesh) for key, mesh in items(getattr(self, "meshes", None)))
 
-    @classmethod
-    def mesh_rule(cls, raw: dict[str, Any]) -> Callable[[Any], Iterator[Conflict]]:
-        """Return what yields the contradictions in a mesh."""
-        return cls.mesh_model.conflicts
+    def mesh_conflicts(self, mesh: Any) -> Iterator[Conflict]:
+        """Yield the contradictions in a mesh."""
+        yield from mesh.conflicts()
 
     def check_feasible(self, document: Document, grid: Grid[Any]) -> None:
         """Report what cannot exist somewhere on the grid, or at the base values where a response asks for them."""
@@ -157,12 +141,8 @@ class System(Section):
         """The model that the keys of a section call for, where a kind has several."""
         return cls
 
-    @classmethod
-    def cycles_of_input(cls, raw: Any) -> float | None:
-        """Cycles of the first mesh in a turn of the input, None where no teeth are known.
-
-        raw: the section as written, in which anything may be wrong.
-        """
+    def cycles_of_input(self) -> float | None:
+        """Cycles of the first mesh in a turn of the input, None where no teeth are known."""
         return None
 
     def summary(self) -> dict[str, str]:
@@ -173,15 +153,14 @@ class System(Section):
         """Yield what is right and hardly meant: path, message and remedy; beside numbers that are far from usual."""
         yield from ()
 
-    @classmethod
-    def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
+    def follow_speed(self) -> list[Path]:
         """Numbers of the system that are the speed of the input too."""
         return []
 
     def unfit(self, axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
         """Methods that do not apply; the paths are below ``methods``."""
         swept = any(item.path[-1] == "backlash" for axis in axes for item in axis.assignments)
-        given = any(mesh.get("backlash") for _, mesh in items(self.get("meshes")))
+        given = any(mesh.backlash for _, mesh in self.mesh_places())
         if swept and not given and "response" in methods:
             yield (
                 ("response",),
@@ -190,14 +169,13 @@ class System(Section):
                 "give the mesh backlash in system too",
             )
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """Yield the contradictions in the section as meant, however wrong it is otherwise."""
-        if raw.get("damping_ratio") is not None and raw.get("damping") is not None:
+    def conflicts(self) -> Iterator[Conflict]:
+        """Yield the contradictions in the section."""
+        if self.damping_ratio is not None and self.damping is not None:
             yield ("damping",), "already_given", "damping_ratio is given already", "keep one of damping_ratio, damping"
-        yield from within(raw, "damping", lambda damping: Damping.conflicts(damping, cls.size(raw)))
-        yield from within_each(raw, "meshes", cls.mesh_rule(raw))
-        yield from repeated_names(raw, "meshes", "mesh")
+        yield from within(self, "damping", lambda damping: damping.conflicts(told(self.size)))
+        yield from within_each(self, "meshes", self.mesh_conflicts)
+        yield from repeated_names(self, "meshes", "mesh")
 
 
 def first_number(teeth: Any) -> float | None:

@@ -62,14 +62,14 @@ def _key(path: Path) -> str:
 def _ends_suffice(grid: Grid[Any], path: Path) -> bool:
     if path[0] != "meshes" or (path[2] == "waveform" and _key(path) in AT_THE_ENDS):
         return True
-    wave = wave_of(grid.system["meshes"][path[1]].get("waveform"))
+    wave = wave_of(grid.system.meshes[path[1]].waveform)
     return path[2] != "waveform" and (path[2] != "contact_ratio" or (wave is not None and wave.fraction_sets_levels))
 
 
 def check_mesh_levels(document: Document, grid: Grid[Any]) -> None:
     """Report meshes whose stiffness is not positive somewhere on the grid."""
     grid = numbers_only(grid)
-    for key, _ in items(grid.system.get("meshes")):
+    for key, _ in items(getattr(grid.system, "meshes", None)):
         check_levels(document, grid, key)
 
 
@@ -89,22 +89,25 @@ def check_levels(document: Document, grid: Grid[Any], index: str | int) -> None:
     selections: list[Selection] = [points] if points else [{}]
     if points and grid.base_is_asked_for:
         selections.append({})
-    allowed = grid.system["allow_negative_stiffness"]
+    allowed = grid.system.allow_negative_stiffness
     for selection in selections:
-        p = grid.at(selection)["meshes"][index]
+        p = grid.at(selection).meshes[index]
         with np.errstate(all="ignore"):  # what overflows is reported, or of no concern
             item = build_mesh(p, np.ones(1))
             depth, above = -item.waveform.extremes()[0], item.waveform.stiffer_level
-            lowest = item.mean_stiffness - 2 * np.asarray(p.get("amplitude", item.amplitude)) * depth
+            lowest = (
+                item.mean_stiffness - 2 * np.asarray(item.amplitude if p.amplitude is None else p.amplitude) * depth
+            )
             checked = np.atleast_1d(item.mean_stiffness if allowed else np.minimum(lowest, item.mean_stiffness))
-            relative = checked / np.abs(p.get("mean_stiffness", p.get("max_stiffness", item.mean_stiffness)))
+            levels = (p.mean_stiffness, p.max_stiffness, item.mean_stiffness)
+            relative = checked / np.abs(next(level for level in levels if level is not None))
         worst = int(np.argmin(np.where(np.isnan(relative), -np.inf, relative)))
         if not checked[worst] > 0:
 
             def at_worst(value: Any, shape: tuple[int, ...] = checked.shape, place: int = worst) -> float:
                 return float(np.broadcast_to(value, shape)[place])
 
-            numbers = {k: at_worst(p.get(k)) for k in LEVEL_KEYS if p.get(k) is not None and k != "waveform"}
+            numbers = {k: at_worst(p[k]) for k in LEVEL_KEYS if p[k] is not None and k != "waveform"}
             numbers |= {"depth": at_worst(depth), "above": at_worst(above), "mean": at_worst(item.mean_stiffness)}
             chosen = {name: int(rows[worst]) for name, rows in selection.items()}
             _report(document, grid, index, numbers, at_worst(checked), chosen)
@@ -114,18 +117,18 @@ def check_levels(document: Document, grid: Grid[Any], index: str | int) -> None:
 def _report(
     document: Document, grid: Grid[Any], index: str | int, p: dict[str, float], level: float, chosen: dict[str, int]
 ) -> None:
-    own = grid.system["meshes"][index]
-    allowed = grid.system["allow_negative_stiffness"]
+    own = grid.system.meshes[index]
+    allowed = grid.system.allow_negative_stiffness
     level_name = "mean stiffness" if allowed else "softer level"
     key = "epsilon" if "epsilon" in p else "amplitude" if "amplitude" in p else ""
     ratio = f" and contact ratio {p['contact_ratio']:.6g}" if "contact_ratio" in p else ""
-    start = f"mesh '{own.get('name', index)}' has the {level_name} {level:.6g} <= 0"
+    start = f"mesh '{getattr(own, 'name', index)}' has the {level_name} {level:.6g} <= 0"
     option = "" if allowed else ", or set system.allow_negative_stiffness: true"
     if not key:
         place = _place(document, grid, index, "waveform", chosen)
         document.report(place, "impossible", f"{start}, which its samples give", f"check the samples{option}")
         return
-    limit, rule = _limit(p, key, allowed, wave_of(own.get("waveform")))
+    limit, rule = _limit(p, key, allowed, wave_of(own.waveform))
     message = f"{start} at {key} {p[key]:.6g}{ratio}: the largest admissible {key} is below {limit:.6g} = {rule}"
     document.report(_place(document, grid, index, key, chosen), "impossible", message, f"reduce {key}{option}")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import isclose, tau
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -11,8 +11,9 @@ from pydantic import Field
 
 from gearstab import rotating_pair
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict, exactly_one, plain_number, wrong_length
+from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
 from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Teeth, TorsionalStiffness
+from gearstab.config.model.reading import known
 from gearstab.mesh import Mesh as MeshOfSystem
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
@@ -58,42 +59,33 @@ class GearPair(System):
         },
     )  # fmt: skip
 
-    kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
-    formulation: Annotated[str, Choice("formulation", (CLASSICAL,))] = Field(
-        default=CLASSICAL, title="formulation", description="classical: mesh stiffness as a function of time."
-    )
-    equivalent_mass: Mass = Field(
-        title="equivalent mass", description="m = 1/(r1^2/J1 + r2^2/J2), along the line of action (kg)."
-    )
-    meshes: tuple[NamedToothMesh] = Field(
-        title="meshes",
-        description="Exactly one tooth mesh, such as [{mean_stiffness: 2e8, epsilon: 0.2, contact_ratio: 1.6}].",
-    )
-    load: LoadOfOne | None = Field(
-        default=None, title="load", description="The static force along the line of action (N)."
-    )
-    teeth: tuple[Teeth, Teeth] | None = Field(
-        default=None,
-        title="numbers of teeth",
-        description="[N1, N2], for input_speed alone: that of the first gear, which drives.",
-    )
+    kind: Literal["gear_pair"] = Field(title="kind of system")
+    """A gear pair on rigid shafts."""
+    formulation: Annotated[str, Choice("formulation", (CLASSICAL,))] = CLASSICAL
+    """classical: mesh stiffness as a function of time."""
+    equivalent_mass: Mass
+    """m = 1/(r1^2/J1 + r2^2/J2), along the line of action (kg)."""
+    meshes: tuple[NamedToothMesh]
+    """Exactly one tooth mesh, such as [{mean_stiffness: 2e8, epsilon: 0.2, contact_ratio: 1.6}]."""
+    load: LoadOfOne | None = None
+    """The static force along the line of action (N)."""
+    teeth: tuple[Teeth, Teeth] | None = Field(default=None, title="numbers of teeth")
+    """[N1, N2], for input_speed alone: that of the first gear, which drives."""
 
-    @classmethod
-    def size(cls, raw: dict[str, Any]) -> int:
+    def size(self) -> int:
         return 1
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
+    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
         """The load as a number by itself."""
         if isinstance(raw.get("load"), int | float | str):
             raw["load"] = [raw["load"]]
             document.move(("system", "load"), ("system", "load", 0))
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """A load of one number."""
-        yield from super().conflicts(raw)
-        yield from wrong_length(raw, "load", 1)
+        yield from super().conflicts()
+        yield from wrong_length(self, "load", 1)
 
     @classmethod
     def variant(cls, raw: dict[str, Any]) -> type[System]:
@@ -104,21 +96,19 @@ class GearPair(System):
         by_gears = any(key in raw for key in keys) or (formulation in FORMULATIONS and formulation != CLASSICAL)
         return RotatingGearPair if by_gears else cls
 
-    @classmethod
-    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+    def cycles_of_input(self) -> float | None:
         """N1."""
-        return first_number(raw.get("teeth"))
+        return first_number(self.teeth)
 
     def equations(self) -> GearSystem:
         """m x'' + c x' + k(t) x = f(t).
 
         Parameters: ``equivalent_mass`` m (kg), one mesh, damping. x is the deflection along the line of action.
         """
-        p: Any = self
-        load = {"x": p["load"][0]} if p.get("load") is not None else None
-        gear = Element({"x": 1.0}, mass=p["equivalent_mass"])
-        mesh = MeshElement(p["meshes"][0], {"x": 1.0})
-        return Assembly(Coordinates({"x": "m"}), [gear], [mesh]).system(p, load)
+        load = None if self.load is None else {"x": self.load[0]}
+        gear = Element({"x": 1.0}, mass=self.equivalent_mass)
+        mesh = MeshElement(self.meshes[0], {"x": 1.0})
+        return Assembly(Coordinates({"x": "m"}), [gear], [mesh]).system(self, load)
 
 
 class RotatingGearPair(System):
@@ -130,47 +120,32 @@ class RotatingGearPair(System):
         "speed": "it belongs to the section respond; in a sweep vary mesh_frequency",
     }
 
-    kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
-    formulation: Formulation = Field(
-        default=CLASSICAL,
-        title="formulation",
-        description="classical: k(Omega t); rigid_kinematic: k(theta); energy_conserving: with the terms in dk/dtheta.",
-    )
-    teeth: tuple[Teeth, Teeth] = Field(title="numbers of teeth", description="[N1, N2]; the first gear drives.")
-    inertias: tuple[Inertia, Inertia] = Field(title="moment of inertia", description="[I1, I2] (kg m^2).")
-    torsional_stiffness: tuple[TorsionalStiffness, TorsionalStiffness] = Field(
-        title="torsional mesh stiffness",
-        description="[k1, k2] with one and with two pairs of teeth in contact; the strain energy is k phi^2 (N m).",
-    )
+    kind: Literal["gear_pair"] = Field(title="kind of system")
+    """A gear pair on rigid shafts."""
+    formulation: Formulation = CLASSICAL
+    """classical: k(Omega t); rigid_kinematic: k(theta); energy_conserving: with the terms in dk/dtheta."""
+    teeth: tuple[Teeth, Teeth] = Field(title="numbers of teeth")
+    """[N1, N2]; the first gear drives."""
+    inertias: tuple[Inertia, Inertia] = Field(title="moment of inertia")
+    """[I1, I2] (kg m^2)."""
+    torsional_stiffness: tuple[TorsionalStiffness, TorsionalStiffness] = Field(title="torsional mesh stiffness")
+    """[k1, k2] with one and with two pairs of teeth in contact; the strain energy is k phi^2 (N m)."""
     single_contact_angle: Annotated[float, Field(gt=0, lt=tau), Quantity("rad")] | None = Field(
-        default=None,
-        title="angle of single contact",
-        description="Of the 2 pi of a mesh cycle in theta, from its beginning on (rad); or give contact_ratio.",
+        default=None, title="angle of single contact"
     )
-    contact_ratio: Annotated[float, Field(gt=1, lt=2), Quantity()] | None = Field(
-        default=None,
-        title="contact ratio",
-        description="1 < c < 2: one pair for 2 - c of a mesh cycle, two for c - 1; or give single_contact_angle.",
-    )
-    torque: Annotated[float, Quantity("N m")] = Field(
-        title="torque", description="T0: N1 T0 drives the first gear, N2 T0 loads the second one (N m)."
-    )
-    damping_ratio: NonNegative | None = Field(
-        default=None,
-        title="damping ratio",
-        description="zeta, of w0 = sqrt(M2 (k1 + k2)/2); it acts on phi' in both equations (1).",
-    )
-    module: Length | None = Field(
-        default=None, title="module", description="For mesh forces on the pitch circles in newtons (m); or give radii."
-    )
-    radii: tuple[Length, Length] | None = Field(
-        default=None,
-        title="radius",
-        description="[r1, r2] of the circles on which mesh forces act, in the ratio of the teeth (m); or give module.",
-    )
+    """Of the 2 pi of a mesh cycle in theta, from its beginning on (rad); or give contact_ratio."""
+    contact_ratio: Annotated[float, Field(gt=1, lt=2), Quantity()] | None = None
+    """1 < c < 2: one pair for 2 - c of a mesh cycle, two for c - 1; or give single_contact_angle."""
+    torque: Annotated[float, Quantity("N m")]
+    """T0: N1 T0 drives the first gear, N2 T0 loads the second one (N m)."""
+    damping_ratio: NonNegative | None = None
+    """zeta, of w0 = sqrt(M2 (k1 + k2)/2); it acts on phi' in both equations (1)."""
+    module: Length | None = None
+    """For mesh forces on the pitch circles in newtons (m); or give radii."""
+    radii: tuple[Length, Length] | None = Field(default=None, title="radius")
+    """[r1, r2] of the circles on which mesh forces act, in the ratio of the teeth (m); or give module."""
 
-    @classmethod
-    def size(cls, raw: dict[str, Any]) -> int:
+    def size(self) -> int:
         return 1
 
     @classmethod
@@ -179,42 +154,41 @@ class RotatingGearPair(System):
 
         return PairRespond
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """One way to say when one pair is in contact; two pairs stiffer than one; radii that fit the teeth."""
-        yield from cls._incomplete(raw)
-        if raw.get("damping") is not None:
+        yield from known(self._incomplete())
+        yield from exactly_one(self, ("single_contact_angle", "contact_ratio"))
+        if self.damping is not None:
             yield ("damping",), "not_applicable", "is not defined for a pair given by its gears", "give damping_ratio"
-        if raw.get("allow_negative_stiffness"):
-            yield (
-                ("allow_negative_stiffness",),
-                "not_applicable",
-                "both stiffnesses are given and positive",
-                "remove it",
-            )
-        yield from exactly_one(raw, ("single_contact_angle", "contact_ratio"))
-        one, two = _two_numbers(raw.get("torsional_stiffness"))
-        if one is not None and two is not None and 0 < two < one:
-            hint = "give [one pair, two pairs]"
-            yield ("torsional_stiffness",), "inconsistent", "two pairs of teeth are softer than one", hint
-        if raw.get("module") is not None and raw.get("radii") is not None:
+        if self.allow_negative_stiffness:
+            message = "both stiffnesses are given and positive"
+            yield ("allow_negative_stiffness",), "not_applicable", message, "remove it"
+        yield from known(self._softer())
+        if self.module is not None and self.radii is not None:
             yield ("radii",), "already_given", "module is given already", "keep one of module, radii"
             return
-        (r1, r2), (n1, n2) = _two_numbers(raw.get("radii")), _two_numbers(raw.get("teeth"))
-        if r1 and r2 and n1 and n2 and not isclose(r1 * n2, r2 * n1, rel_tol=1e-6):
-            hint = f"make r1/r2 = N1/N2 = {n1:g}/{n2:g}"
+        if self.radii is None:
+            return
+        (r1, r2), (n1, n2) = self.radii, self.teeth
+        if not isclose(r1 * n2, r2 * n1, rel_tol=1e-6):
+            hint = f"make r1/r2 = N1/N2 = {n1}/{n2}"
             yield ("radii",), "inconsistent", "are not in the ratio of the numbers of teeth", hint
 
-    @classmethod
-    def _incomplete(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """Return the fields that must be given and those that may be left out, where numbers of teeth stand there and
+    def _softer(self) -> Iterator[Conflict]:
+        levels = self.torsional_stiffness  # not always two while values are wrong
+        if len(levels) == 2 and levels[1] < levels[0]:
+            hint = "give [one pair, two pairs]"
+            yield ("torsional_stiffness",), "inconsistent", "two pairs of teeth are softer than one", hint
+
+    def _incomplete(self) -> Iterator[Conflict]:
+        """Yield the fields that must be given and those that may be left out, where numbers of teeth stand there and
         something is missing.
         """
         needed = ("inertias", "torsional_stiffness", "torque")
-        missing = [key for key in needed if raw.get(key) is None]
-        if raw.get("contact_ratio") is None and raw.get("single_contact_angle") is None:
+        missing = [key for key in needed if key not in self.model_fields_set]
+        if self.contact_ratio is None and self.single_contact_angle is None:
             missing.append("contact_ratio")
-        if not missing or raw.get("teeth") is None or raw.get("formulation", CLASSICAL) != CLASSICAL:
+        if not missing or "teeth" not in self.model_fields_set or self.formulation != CLASSICAL:
             return
         yield (
             ("teeth",),
@@ -226,10 +200,9 @@ class RotatingGearPair(System):
             "from teeth, module and face_width",
         )
 
-    @classmethod
-    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+    def cycles_of_input(self) -> float | None:
         """N1."""
-        return first_number(raw.get("teeth"))
+        return first_number(self.teeth)
 
     def unfit(self, axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
         """Only Floquet theory knows formulations in which the mesh stiffness depends on the rotation."""
@@ -249,8 +222,7 @@ class RotatingGearPair(System):
         ``contact_ratio``, ``torque``, ``damping_ratio``, and ``module`` or ``radii`` where lengths are known.
         One pair of teeth is in contact from the beginning of a mesh cycle on. Source: Oh, Grosh & Barber 2005, (1)-(6).
         """
-        p: Any = self
-        numbers = _numbers(p)
+        numbers = _numbers(self)
         batch = numbers.batch
         soft, stiff = (np.asarray(level, dtype=float) for level in numbers.stiffness)
         part = numbers.single_part
@@ -269,15 +241,9 @@ class RotatingGearPair(System):
             units=("rad",),
             deflection_unit="rad",
             load=np.asarray(numbers.torque)[..., None],
-            formulation=p.get("formulation", "classical"),
+            formulation=self.formulation,
             numbers=numbers,
         )
-
-
-def _two_numbers(values: Any) -> tuple[float | None, float | None]:
-    """Two plain numbers as written; None for what is none, or carries a unit."""
-    first, second = map(plain_number, values) if values and len(values) == 2 else (None, None)
-    return first, second
 
 
 def _numbers(p: RotatingGearPair) -> PairNumbers:
@@ -285,20 +251,20 @@ def _numbers(p: RotatingGearPair) -> PairNumbers:
         first, second = values
         return np.asarray(first, dtype=float), np.asarray(second, dtype=float)
 
-    single = p.get("single_contact_angle")
+    single: Any = p.single_contact_angle
     if single is None:
-        single = tau * (2 - np.asarray(p["contact_ratio"], dtype=float))
+        single = tau * (2 - np.asarray(p.contact_ratio, dtype=float))
     lever = None
-    if p.get("module") is not None:
-        lever = 0.5 * np.asarray(p["module"], dtype=float)
-    elif p.get("radii") is not None:
-        lever = np.asarray(p["radii"][0], dtype=float) / p["teeth"][0]
+    if p.module is not None:
+        lever = 0.5 * np.asarray(p.module, dtype=float)
+    elif p.radii is not None:
+        lever = np.asarray(p.radii[0], dtype=float) / p.teeth[0]
     return PairNumbers(
-        teeth=(int(p["teeth"][0]), int(p["teeth"][1])),
-        inertias=pair(p["inertias"]),
-        stiffness=pair(p["torsional_stiffness"]),
+        teeth=p.teeth,
+        inertias=pair(p.inertias),
+        stiffness=pair(p.torsional_stiffness),
         single=np.asarray(single, dtype=float),
-        torque=np.asarray(p["torque"], dtype=float),
-        zeta=np.asarray(0.0 if p.get("damping_ratio") is None else p["damping_ratio"], dtype=float),
+        torque=np.asarray(p.torque, dtype=float),
+        zeta=np.asarray(0.0 if p.damping_ratio is None else p.damping_ratio, dtype=float),
         lever=lever,
     )

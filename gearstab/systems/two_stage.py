@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -14,7 +14,7 @@ from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, wrong_length
 from gearstab.config.model.fields import ExactRatio, Mass, Quantity, Teeth
 from gearstab.connections import MachineElement
-from gearstab.system import GearSystem
+from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
 from gearstab.systems.base import START_MESH, Start, System, first_number
 from gearstab.systems.parts.forcing import Load
@@ -42,62 +42,45 @@ class TwoStage(System):
         },
     )  # fmt: skip
 
-    kind: Literal["two_stage"] = Field(title="kind of system", description="Two meshes in a row, three or four gears.")
-    inertias: tuple[Mass, Mass, Mass] = Field(
-        title="equivalent mass", description="Equivalent masses [m1, m2, m3], inertias over squared base radii (kg)."
-    )
-    input_shaft_stiffness: Annotated[float, Field(ge=0), Quantity("N/m")] = Field(
-        title="input shaft stiffness",
-        description="k0, along the line of action (N/m); 0 leaves the train free to rotate.",
-    )
-    tooth_ratio: ExactRatio = Field(
-        default=Fraction(1),
-        title="tooth ratio",
-        description='R = Z2/Z4 = Omega_1/Omega_2, exact: 1 (three gears; the default), 0.6 or "3/5"; from teeth '
-        "where they are given.",
-    )
-    teeth: tuple[Teeth, Teeth, Teeth, Teeth] | None = Field(
-        default=None,
-        title="numbers of teeth",
-        description="[Z1, Z2, Z4, Z3] along the train: the input gear, both gears of the middle shaft (of three gears "
-        "the same number twice), the output gear. For tooth_ratio and input_speed.",
-    )
-    meshes: tuple[NamedToothMesh, SecondMesh] = Field(
-        title="meshes", description="The first and the second tooth mesh."
-    )
-    load: Load | None = Field(
-        default=None, title="load", description="Constant forces along the lines of action, one per coordinate (N)."
-    )
+    kind: Literal["two_stage"] = Field(title="kind of system")
+    """Two meshes in a row, three or four gears."""
+    inertias: tuple[Mass, Mass, Mass] = Field(title="equivalent mass")
+    """Equivalent masses [m1, m2, m3], inertias over squared base radii (kg)."""
+    input_shaft_stiffness: Annotated[float, Field(ge=0), Quantity("N/m")]
+    """k0, along the line of action (N/m); 0 leaves the train free to rotate."""
+    tooth_ratio: ExactRatio = Fraction(1)
+    """R = Z2/Z4 = Omega_1/Omega_2, exact: 1 (three gears; the default), 0.6 or "3/5"; from teeth where they are given.
+"""
+    teeth: tuple[Teeth, Teeth, Teeth, Teeth] | None = Field(default=None, title="numbers of teeth")
+    """[Z1, Z2, Z4, Z3] along the train: the input gear, both gears of the middle shaft (of three gears the same number
+    twice), the output gear. For tooth_ratio and input_speed."""
+    meshes: tuple[NamedToothMesh, SecondMesh]
+    """The first and the second tooth mesh."""
+    load: Load | None = None
+    """Constant forces along the lines of action, one per coordinate (N)."""
 
-    @classmethod
-    def size(cls, raw: dict[str, Any]) -> int:
+    def size(self) -> int:
         return 3
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
+    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
         """The tooth ratio that the teeth give."""
-        ratio = _ratio(raw.get("teeth"))
+        ratio = _ratio(sequence(raw.get("teeth")))
         if ratio is not None:
             document.fill(("system", "tooth_ratio"), str(ratio), document.where(("system", "teeth")))
 
-    @classmethod
-    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+    def cycles_of_input(self) -> float | None:
         """Z1."""
-        return first_number(raw.get("teeth"))
+        return first_number(self.teeth)
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """A load of one number per coordinate."""
-        yield from super().conflicts(raw)
-        yield from wrong_length(raw, "load", 3)
-        ratio = _ratio(raw.get("teeth"))
-        if ratio is not None and raw.get("tooth_ratio") is not None and _exact(raw["tooth_ratio"]) not in (ratio, None):
-            yield (
-                ("tooth_ratio",),
-                "inconsistent",
-                f"is not that of the teeth, Z2/Z4 = {ratio}",
-                "remove it, or change the teeth",
-            )
+        yield from super().conflicts()
+        yield from wrong_length(self, "load", 3)
+        ratio = _ratio(self.teeth or ())
+        if ratio is not None and self.tooth_ratio != ratio:
+            message = f"is not that of the teeth, Z2/Z4 = {ratio}"
+            yield ("tooth_ratio",), "inconsistent", message, "remove it, or change the teeth"
 
     def equations(self) -> GearSystem:
         """Three rotations measured along the lines of action, an input shaft and two meshes.
@@ -110,30 +93,21 @@ class TwoStage(System):
 
         Source: Lin & Parker 2002, (1), (2) and section 3.2.
         """
-        p: Any = self
-        first, second = p["meshes"]
-        phasing = np.asarray(second.get("phasing", 0.0), dtype=float)
-        elements = [Element({x: 1.0}, mass=mass) for x, mass in zip(COORDINATES, p["inertias"], strict=True)]
+        first, second = self.meshes
+        phasing = np.asarray(second.phasing, dtype=float)
+        elements = [Element({x: 1.0}, mass=mass) for x, mass in zip(COORDINATES, self.inertias, strict=True)]
         elements.append(
-            Element({"x1": 1.0}, stiffness=p["input_shaft_stiffness"], name="input shaft", part=MachineElement.SHAFT)
+            Element({"x1": 1.0}, stiffness=self.input_shaft_stiffness, name="input shaft", part=MachineElement.SHAFT)
         )
         meshes = (
             MeshElement(first, {"x1": 1.0, "x2": 1.0}),
-            MeshElement(second, {"x2": 1.0, "x3": 1.0}, 1 / p["tooth_ratio"], -phasing),
+            MeshElement(second, {"x2": 1.0, "x3": 1.0}, 1 / self.tooth_ratio, -phasing),
         )
-        load = dict(zip(COORDINATES, p["load"], strict=True)) if p.get("load") is not None else None
-        return Assembly(Coordinates(dict.fromkeys(COORDINATES, "m")), elements, meshes).system(p, load)
+        load = None if self.load is None else dict(zip(COORDINATES, self.load, strict=True))
+        return Assembly(Coordinates(dict.fromkeys(COORDINATES, "m")), elements, meshes).system(self, load)
 
 
-def _ratio(teeth: Any) -> Fraction | None:
-    """Z2/Z4 of numbers of teeth as written, None where they are none."""
-    z = [number for number in sequence(teeth) if type(number) is int and number > 0]
+def _ratio(teeth: Sequence[Any]) -> Fraction | None:
+    """Return Z2/Z4 of numbers of teeth, None where they are none."""
+    z = [number for number in teeth if type(number) is int and number > 0]
     return Fraction(z[1], z[2]) if len(z) == 4 == len(teeth) else None
-
-
-def _exact(value: Any) -> Fraction | None:
-    """A ratio as written, None for what is none."""
-    try:
-        return Fraction(str(value).replace(" ", ""))
-    except (ValueError, ZeroDivisionError):
-        return None

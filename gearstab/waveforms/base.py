@@ -84,18 +84,18 @@ class Waveform:
     """Keys along which the least value of the wave is monotonic or concave: the ends of an axis hold the worst one."""
 
     @classmethod
-    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+    def build(cls, spec: Any, contact_ratio: Any = None) -> Self:
         """Return the wave of a validated section ``waveform``, any number of which may be an array of batch shape."""
         raise NotImplementedError
 
     @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """Yield what contradicts itself in the section as written, beyond keys that are missing or another wave's."""
+    def conflicts(cls, section: Any) -> Iterator[Conflict]:
+        """Yield what contradicts itself in the section, beyond keys that are missing or another wave's."""
         yield from ()
 
     @classmethod
-    def has_own_mean(cls, raw: dict[str, Any]) -> bool:
-        """Whether the section as written says how stiff the mesh is."""
+    def has_own_mean(cls, section: Any) -> bool:
+        """Whether the section says how stiff the mesh is."""
         return False
 
     @classmethod

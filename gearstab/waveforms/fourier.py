@@ -25,13 +25,13 @@ class FourierKeys(Keys):
     """Coefficients of the series."""
 
     sin: Annotated[list[Number], Field(max_length=MOST_HARMONICS)] | None = Field(
-        default=None,
-        title="sine coefficients",
-        description="fourier: a_s of sin s x, s = 1, 2, ..., x = Omega_i t - 2 pi lag (1).",
+        default=None, title="sine coefficients"
     )
+    """fourier: a_s of sin s x, s = 1, 2, ..., x = Omega_i t - 2 pi lag (1)."""
     cos: Annotated[list[Number], Field(max_length=MOST_HARMONICS)] | None = Field(
-        default=None, title="cosine coefficients", description="fourier: b_s of cos s x, s = 1, 2, ... (1)."
+        default=None, title="cosine coefficients"
     )
+    """fourier: b_s of cos s x, s = 1, 2, ... (1)."""
 
 
 @dataclass(frozen=True)
@@ -55,16 +55,16 @@ class Fourier(Waveform):
     cos: Array
 
     @classmethod
-    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+    def build(cls, spec: Any, contact_ratio: Any = None) -> Self:
         """Build the wave from ``sin`` and ``cos``, either of which may be shorter or missing."""
-        sin, cos = list(spec.get("sin") or []), list(spec.get("cos") or [])
+        sin, cos = list(spec.sin or []), list(spec.cos or [])
         order = max(len(sin), len(cos))
         return cls(*(vector([*part, *[0.0] * (order - len(part))]) for part in (sin, cos)))
 
     @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(cls, section: Any) -> Iterator[Conflict]:
         """Yield a conflict without any harmonic."""
-        if not raw.get("sin") and not raw.get("cos"):
+        if not section.sin and not section.cos:
             yield (), "missing", "has no harmonics", "add sin: [..] or cos: [..], the coefficients of the harmonics"
 
     @property

@@ -29,7 +29,7 @@ class Rectangular(Waveform):
     contact_ratio: Array | float
 
     @classmethod
-    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+    def build(cls, spec: Any, contact_ratio: Any = None) -> Self:
         return cls(as_array(contact_ratio))
 
     @property

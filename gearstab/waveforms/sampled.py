@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
-from pydantic import Field
 
 from gearstab.config.model.arrays import vector
 from gearstab.config.model.conflicts import Conflict, exactly_one
@@ -54,21 +53,21 @@ class Sampled(OfStiffness):
     interpolation: str = "linear"
 
     @classmethod
-    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
-        return cls(vector(spec["phase"]), vector(spec["stiffness"]), spec.get("interpolation", "linear"))
+    def build(cls, spec: Any, contact_ratio: Any = None) -> Self:
+        return cls(vector(spec.phase), vector(spec.stiffness), spec.interpolation or "linear")
 
     @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(cls, section: Any) -> Iterator[Conflict]:
         """One source of the stiffness, and samples that are a function."""
-        if missing := missing_source(cls, raw):
+        if missing := missing_source(cls, section):
             yield missing
             return
-        yield from exactly_one(raw, cls.sources)
-        if any(raw.get(key) is None for key in cls.sources):
-            yield from sample_conflicts(cls, raw)
+        yield from exactly_one(section, cls.sources)
+        if any(section[key] is None for key in cls.sources):
+            yield from sample_conflicts(cls, section)
 
     @classmethod
-    def has_own_mean(cls, raw: dict[str, Any]) -> bool:
+    def has_own_mean(cls, section: Any) -> bool:
         return True
 
     @classmethod
@@ -128,11 +127,8 @@ class Sampled(OfStiffness):
 class TableKeys(FileKeys):
     """The file, and at which of its torques the mesh runs."""
 
-    torque: Annotated[float, TORQUE] | None = Field(
-        default=None,
-        title="torque",
-        description="table: at which the mesh runs, within those of the file (N m).",
-    )
+    torque: Annotated[float, TORQUE] | None = None
+    """table: at which the mesh runs, within those of the file (N m)."""
 
 
 @dataclass(frozen=True)
@@ -149,16 +145,16 @@ class TorqueTable(Sampled):
     columns: ClassVar[Mapping[str, Quantity]] = {"torque": TORQUE, **Waveform.columns}
 
     @classmethod
-    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+    def build(cls, spec: Any, contact_ratio: Any = None) -> Self:
         """Raises NotPossible for a torque beyond the table, which is not extrapolated."""
-        levels, phase, table = np.asarray(spec["torques"]), np.asarray(spec["phase"]), np.asarray(spec["stiffness"])
-        torque = as_array(spec["torque"])
+        levels, phase, table = np.asarray(spec.torques), np.asarray(spec.phase), np.asarray(spec.stiffness)
+        torque = as_array(spec.torque)
         if message := out_of_table(torque, levels):
             raise NotPossible(*message)
         lower = np.clip(np.searchsorted(levels, torque, side="right") - 1, 0, len(levels) - 2)
         part = ((torque - levels[lower]) / (levels[lower + 1] - levels[lower]))[..., None]
         stiffness = (1.0 - part) * table[lower] + part * table[lower + 1]
-        return cls(phase, stiffness, spec.get("interpolation") or "linear")
+        return cls(phase, stiffness, spec.interpolation or "linear")
 
     @classmethod
     def from_file(cls, columns: Array) -> dict[str, Array]:
@@ -169,7 +165,7 @@ class TorqueTable(Sampled):
         return {"torques": levels, "phase": positions, "stiffness": table}
 
     @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(cls, section: Any) -> Iterator[Conflict]:
         yield from ()
 
     @classmethod

@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator, Field, StrictStr
-from pydantic_core import PydanticCustomError
 
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import Choice
+from gearstab.config.model.reading import WRONG
 from gearstab.waveforms.base import POSITION, SAMPLED, Array, Keys, Waveform, WrongSample
 
 MOST_SAMPLES = 10_000
@@ -31,31 +31,20 @@ Position = Annotated[float, BeforeValidator(POSITION.number)]
 class FileKeys(Keys):
     """Samples in a file, and what is between them."""
 
-    file: StrictStr | None = Field(
-        default=None,
-        title="file of samples",
-        description="sampled, pair: a .csv or .h5 file of phase and stiffness, relative to the configuration; "
-        "table: of torque, phase and stiffness.",
-    )
-    interpolation: Annotated[str, Choice("interpolation", ("linear", "cubic"))] | None = Field(
-        default=None,
-        title="interpolation",
-        description="sampled, pair, table: linear (order 2, the default) or cubic, a spline (order 4, overshoots at "
-        "jumps).",
-    )
+    file: StrictStr | None = Field(default=None, title="file of samples")
+    """sampled, pair: a .csv or .h5 file of phase and stiffness, relative to the configuration; table: of torque, phase
+    and stiffness."""
+    interpolation: Annotated[str, Choice("interpolation", ("linear", "cubic"))] | None = None
+    """sampled, pair, table: linear (order 2, the default) or cubic, a spline (order 4, overshoots at jumps)."""
 
 
 class SampleKeys(FileKeys):
     """Samples, in the section or in a file."""
 
-    phase: list[Position] | None = Field(
-        default=None,
-        title="phases of the samples",
-        description="sampled: in [0, 1), ascending; pair: from 0 to 1 along the contact of one pair (1).",
-    )
-    stiffness: list[Annotated[float, SAMPLED]] | None = Field(
-        default=None, title="sampled stiffness", description="sampled, pair: one value per phase (N/m)."
-    )
+    phase: list[Position] | None = Field(default=None, title="phases of the samples")
+    """sampled: in [0, 1), ascending; pair: from 0 to 1 along the contact of one pair (1)."""
+    stiffness: list[Annotated[float, SAMPLED]] | None = Field(default=None, title="sampled stiffness")
+    """sampled, pair: one value per phase (N/m)."""
 
 
 def in_one_period(columns: Array) -> tuple[Array, Array, str]:
@@ -91,30 +80,25 @@ def in_one_period(columns: Array) -> tuple[Array, Array, str]:
     return found, phase[found], doubt if drift > DRIFT else ""
 
 
-def missing_source(wave: type[Waveform], raw: dict[str, Any]) -> Conflict | None:
+def missing_source(wave: type[Waveform], section: Any) -> Conflict | None:
     """Return the conflict of phases without the stiffness that belongs to them."""
-    if raw.get("phase") is not None and all(raw.get(key) is None for key in wave.sources):
+    if section.phase is not None and all(section[key] is None for key in wave.sources):
         return ("stiffness",), "missing", "is missing", "add stiffness: one number for each phase"
     return None
 
 
-def sample_conflicts(wave: type[Waveform], raw: dict[str, Any]) -> Iterator[Conflict]:
+def sample_conflicts(wave: type[Waveform], section: Any) -> Iterator[Conflict]:
     """Yield what contradicts itself in samples as written: phases for the stiffness, as many, in order."""
-    phase, stiffness = raw.get("phase"), raw.get("stiffness")
-    if raw.get("file") is not None and phase is not None:
+    phase, stiffness = section.phase, section.stiffness
+    if section.file is not None and phase is not None:
         yield ("phase",), "already_given", "file is given already", "keep one of file, phase"
     elif stiffness is not None and phase is None:
         yield ("phase",), "missing", "is missing", "add phase: one number for each stiffness"
-    positions = _positions(phase)
-    if positions is not None and stiffness is not None:
-        if len(positions) != len(stiffness):
-            yield (
-                ("stiffness",),
-                "wrong_count",
-                f"has {len(stiffness)} entries",
-                f"give {len(positions)}, one per phase",
-            )
-        elif found := wave.wrong_phase(positions, str(raw.get("interpolation") or "linear")):
+    if phase is not None and stiffness is not None and all(value is not WRONG for value in phase):
+        if len(phase) != len(stiffness):
+            hint = f"give {len(phase)}, one per phase"
+            yield ("stiffness",), "wrong_count", f"has {len(stiffness)} entries", hint
+        elif found := wave.wrong_phase(phase, str(section.interpolation or "linear")):
             index, code, message, hint = found
             yield ("phase",) if index is None else ("phase", index), code, message, hint
 
@@ -138,11 +122,3 @@ def wrong_order(i: int, phase: Sequence[float]) -> WrongSample | None:
         apart = "is not above the one before" if value < phase[i - 1] else "is too close to the one before"
         return i, "wrong_order", f"phase {value:g} {apart}", "sort the samples by phase"
     return None
-
-
-def _positions(phase: Any) -> list[float] | None:
-    """The phases of samples; None where there is no list, or something in it that is reported value by value."""
-    try:
-        return None if phase is None else [POSITION.number(value) for value in phase]
-    except PydanticCustomError:
-        return None

@@ -9,6 +9,8 @@ from pydantic import Field, create_model
 
 from gearstab.config.model.conflicts import Conflict, within
 from gearstab.config.model.fields import Choice
+from gearstab.config.model.introspection import descriptions
+from gearstab.config.model.reading import WRONG
 from gearstab.waveforms import WAVEFORMS, Waveform
 from gearstab.waveforms.base import Keys
 
@@ -32,15 +34,18 @@ else:
     )
 
 
-def wave_of(section: dict[str, Any] | None) -> type[Waveform] | None:
-    """Return the wave of a section ``waveform`` as meant; None for a kind that does not exist."""
-    return WAVEFORMS.get((section or {}).get("kind", "rectangular"))
+def wave_of(section: WaveformSection | None) -> type[Waveform] | None:
+    """Return the wave of a section, rectangular without one; None for a kind that does not exist."""
+    if section is WRONG:
+        return None
+    kind = "rectangular" if section is None else section.kind
+    return WAVEFORMS.get(kind) if isinstance(kind, str) else None
 
 
-def build_waveform(p: Any) -> Waveform:
-    """Build the wave of a mesh with the parameters p: ``waveform`` and, where its kind has one, ``contact_ratio``."""
-    spec = p.get("waveform") or {}
-    return WAVEFORMS[spec.get("kind", "rectangular")].build(spec, p.get("contact_ratio"))
+def build_waveform(section: WaveformSection | None, contact_ratio: Any) -> Waveform:
+    """Build the wave of a section, with the contact ratio of its mesh where its kind has one."""
+    section = WaveformSection() if section is None else section
+    return WAVEFORMS[section.kind].build(section, contact_ratio)
 
 
 def name_of(wave: type[Waveform]) -> str:
@@ -53,48 +58,43 @@ def owners(key: str) -> str:
     return ", ".join(name for name, wave in WAVEFORMS.items() if key in wave.keys.model_fields)
 
 
-def shape_conflicts(raw: dict[str, Any], contact_ratio: str = "") -> Iterator[Conflict]:
-    """Yield what contradicts itself in ``waveform`` and ``contact_ratio`` of a section as written.
+def shape_conflicts(mesh: Any, contact_ratio: str = "") -> Iterator[Conflict]:
+    """Yield what contradicts itself in ``waveform`` and ``contact_ratio`` of a mesh or term.
 
     contact_ratio: what to give where it is missing, "" where something else may give it.
     """
-    ratio, wave = raw.get("contact_ratio"), wave_of(raw.get("waveform"))
+    ratio, wave = mesh.contact_ratio, wave_of(mesh.waveform)
     if wave is None:
         return
-    yield from within(raw, "waveform", lambda section: _conflicts(wave, section))
+    yield from within(mesh, "waveform", lambda section: _conflicts(wave, section))
     if ratio is None and wave.has_contact_ratio and contact_ratio:
         yield ("contact_ratio",), "missing", "is missing", f"add contact_ratio: {contact_ratio}"
     elif ratio is not None and not wave.has_contact_ratio and not wave.of_teeth:
-        yield (
-            ("contact_ratio",),
-            "not_applicable",
-            "the waveform has no contact ratio",
-            "remove it, or choose another waveform",
-        )
+        hint = "remove it, or choose another waveform"
+        yield ("contact_ratio",), "not_applicable", "the waveform has no contact ratio", hint
 
 
-def _conflicts(wave: type[Waveform], raw: dict[str, Any]) -> Iterator[Conflict]:
+def _conflicts(wave: type[Waveform], section: Any) -> Iterator[Conflict]:
     """Yield keys of other waves, keys that are missing, and what the wave itself finds."""
     fields, name = WaveformSection.model_fields, name_of(wave)
-    for key in raw:
-        if key in fields and key not in wave.keys.model_fields and raw[key] is not None:
+    for key in fields:
+        if key not in wave.keys.model_fields and section[key] is not None:
             yield (key,), "not_applicable", f"a {name} wave takes no {key}", f"remove it, or choose kind: {owners(key)}"
     for key in wave.required:
-        if raw.get(key) is None:
-            description = (fields[key].description or "").partition(": ")[2]
+        if section[key] is None:
+            description = descriptions(wave.keys)[key].partition(": ")[2]
             yield (key,), "missing", "is missing", f"add {key}: {description.rstrip('.')}"
-    if raw.keys() <= fields.keys() or wave.sources:
-        yield from wave.conflicts(raw)
+    if section.model_fields_set <= fields.keys() or wave.sources:
+        yield from wave.conflicts(section)
 
 
-def has_no_ratio(mesh: dict[str, Any]) -> bool:
-    """Whether the waveform of a mesh as meant takes no contact ratio."""
-    wave = wave_of(mesh.get("waveform"))
+def has_no_ratio(mesh: Any) -> bool:
+    """Return whether the waveform of a mesh takes no contact ratio."""
+    wave = wave_of(mesh.waveform)
     return wave is not None and not wave.has_contact_ratio
 
 
-def has_own_mean(mesh: dict[str, Any]) -> bool:
-    """Whether the wave of a mesh as meant says how stiff it is."""
-    section = mesh.get("waveform") or {}
-    wave = wave_of(section)
-    return wave is not None and wave.has_own_mean(section)
+def has_own_mean(mesh: Any) -> bool:
+    """Return whether the wave of a mesh says how stiff it is."""
+    wave = wave_of(mesh.waveform)
+    return wave is not None and wave.has_own_mean(mesh.waveform)

@@ -211,9 +211,8 @@ def stacked(curves: Sequence[Piecewise], shape: tuple[int, ...]) -> Piecewise:
 class ToothKeys(Keys):
     """How much of the computed stiffness is kept."""
 
-    harmonics: Annotated[int, Field(ge=1, le=MOST_HARMONICS), Whole] | None = Field(
-        default=None, title="harmonics", description="tooth: keep the wave's first harmonics only; all without."
-    )
+    harmonics: Annotated[int, Field(ge=1, le=MOST_HARMONICS), Whole] | None = None
+    """tooth: keep the wave's first harmonics only; all without."""
 
 
 @dataclass(frozen=True)

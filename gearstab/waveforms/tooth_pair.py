@@ -27,20 +27,15 @@ class ShapeKeys(Keys):
     """The stiffness of one pair along its contact, as a formula."""
 
     shape: Annotated[str, Choice("shape", ("constant", "parabolic"))] | None = Field(
-        default=None,
-        title="shape of a pair's stiffness",
-        description="pair: along the contact of one pair, constant or parabolic; or give file, or stiffness.",
+        default=None, title="shape of a pair's stiffness"
     )
-    ends: NonNegative | None = Field(
-        default=None,
-        title="stiffness at the ends of contact",
-        description="pair: of a parabolic shape, over that in the middle (1); 0.55 without (Cai & Hayashi 1994).",
-    )
+    """pair: along the contact of one pair, constant or parabolic; or give file, or stiffness."""
+    ends: NonNegative | None = Field(default=None, title="stiffness at the ends of contact")
+    """pair: of a parabolic shape, over that in the middle (1); 0.55 without (Cai & Hayashi 1994)."""
     pair_stiffness: Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))] | None = Field(
-        default=None,
-        title="stiffness of one pair",
-        description="pair: in the middle of its contact (N/m); the mesh then needs no mean_stiffness.",
+        default=None, title="stiffness of one pair"
     )
+    """pair: in the middle of its contact (N/m); the mesh then needs no mean_stiffness."""
 
 
 class PairKeys(SampleKeys, ShapeKeys):
@@ -69,23 +64,23 @@ class ToothPair(OfStiffness):
     shape: Pieces
 
     @classmethod
-    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+    def build(cls, spec: Any, contact_ratio: Any = None) -> Self:
         return cls(as_array(contact_ratio), shape_of(spec))
 
     @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(cls, section: Any) -> Iterator[Conflict]:
         """One source of the shape with what belongs to it."""
-        if missing := missing_source(cls, raw):
+        if missing := missing_source(cls, section):
             yield missing
             return
-        yield from exactly_one(raw, cls.sources)
-        if sum(raw.get(key) is not None for key in cls.sources) > 1:
+        yield from exactly_one(section, cls.sources)
+        if sum(section[key] is not None for key in cls.sources) > 1:
             return
-        if raw.get("ends") is not None and raw.get("shape") != "parabolic":
+        if section.ends is not None and section.shape != "parabolic":
             yield ("ends",), "not_applicable", "belongs to a parabolic shape", "remove it, or choose shape: parabolic"
-        if raw.get("shape") is not None:
+        if section.shape is not None:
             for key in ("phase", "interpolation"):
-                if raw.get(key) is not None:
+                if section[key] is not None:
                     yield (
                         (key,),
                         "not_applicable",
@@ -93,12 +88,12 @@ class ToothPair(OfStiffness):
                         "remove it, or give stiffness instead of shape",
                     )
         else:
-            yield from at_most_one(raw, ("pair_stiffness", "file", "stiffness"))
-        yield from sample_conflicts(cls, raw)
+            yield from at_most_one(section, ("pair_stiffness", "file", "stiffness"))
+        yield from sample_conflicts(cls, section)
 
     @classmethod
-    def has_own_mean(cls, raw: dict[str, Any]) -> bool:
-        return any(raw.get(key) is not None for key in ("file", "stiffness", "pair_stiffness"))
+    def has_own_mean(cls, section: Any) -> bool:
+        return any(section[key] is not None for key in ("file", "stiffness", "pair_stiffness"))
 
     @classmethod
     def wrong_phase(cls, phase: Sequence[float], interpolation: str) -> WrongSample | None:
@@ -158,15 +153,15 @@ class ToothPair(OfStiffness):
         return -2 * found.imag, 2 * found.real
 
 
-def shape_of(spec: dict[str, Any]) -> Pieces:
+def shape_of(spec: Any) -> Pieces:
     """Return the stiffness of one pair along its contact from the section ``waveform``."""
-    middle = as_array(spec.get("pair_stiffness", 1.0))
-    if spec.get("shape") == "constant":
+    middle = as_array(1.0 if spec.pair_stiffness is None else spec.pair_stiffness)
+    if spec.shape == "constant":
         return constant(middle)
-    if spec.get("shape") == "parabolic":
-        return parabolic(as_array(spec.get("ends", PARABOLA_ENDS)), middle)
-    kind = spec.get("interpolation", "linear")
-    return interpolate(vector(spec["phase"]), vector(spec["stiffness"]), kind, periodic=False)
+    if spec.shape == "parabolic":
+        return parabolic(as_array(PARABOLA_ENDS if spec.ends is None else spec.ends), middle)
+    kind = spec.interpolation or "linear"
+    return interpolate(vector(spec.phase), vector(spec.stiffness), kind, periodic=False)
 
 
 def constant(stiffness: Array | float = 1.0) -> Pieces:

@@ -16,11 +16,8 @@ from gearstab.waveforms.phase import stiff_fraction, wrapped
 class TrapezoidalKeys(Keys):
     """A ramp in place of each jump."""
 
-    ramp: Annotated[float, Field(ge=0, le=1), Quantity()] | None = Field(
-        default=None,
-        title="ramp",
-        description="trapezoidal: each jump is a linear ramp of this fraction of the period, centred on the jump (1).",
-    )
+    ramp: Annotated[float, Field(ge=0, le=1), Quantity()] | None = None
+    """trapezoidal: each jump is a linear ramp of this fraction of the period, centred on the jump (1)."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +46,8 @@ class Trapezoidal(Waveform):
     ramp: Array | float
 
     @classmethod
-    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
-        return cls(as_array(contact_ratio), as_array(spec["ramp"]))
+    def build(cls, spec: Any, contact_ratio: Any = None) -> Self:
+        return cls(as_array(contact_ratio), as_array(spec.ramp))
 
     @property
     def batch(self) -> tuple[int, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cache
@@ -9,7 +10,6 @@ from math import pi, radians
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from gearstab.config import load
 from gearstab.floquet.frequencies import groups, per_mesh
@@ -67,16 +67,9 @@ LONG_TEETH = {
 
 
 @cache
-def base() -> Any:
-    """The parameters of configs/kuria_kihiu_2008/gearbox.yaml."""
-    return _plain(load(CONFIGS / "kuria_kihiu_2008" / "gearbox.yaml").system)
-
-
-def _plain(value: Any) -> Any:
-    """Return a section as nested dicts and lists of what its fields hold, without fields that are None."""
-    if isinstance(value, BaseModel):
-        return {name: _plain(item) for name, item in value if item is not None}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+def base() -> Mapping[str, Any]:
+    """The section system of configs/kuria_kihiu_2008/gearbox.yaml as plain data."""
+    return load(CONFIGS / "kuria_kihiu_2008" / "gearbox.yaml").tree["system"]
 
 
 def parameters(design: Design) -> dict[str, Any]:

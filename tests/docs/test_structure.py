@@ -143,7 +143,8 @@ def test_what_is_found(form: str) -> None:
 
 ASKS = {"damping": r"\bdamping is (not )?None", "terms": r"(\bif |\bwhile |\bnot |bool\()[\w.]*\.terms\b"}
 """Tests of what a system is, by regular expressions."""
-MAY_ASK = ("system.py", "propagation/", "floquet/dispatch.py")
+MAY_ASK = ("system.py", "propagation/", "floquet/dispatch.py", "systems/", "config/")
+"""Sections of a configuration have fields of these names."""
 
 
 def test_what_a_system_is_is_asked_in_few_places() -> None:

@@ -43,8 +43,7 @@ class Anchored(System):
     spring: Annotated[float, Field(ge=0), Quantity("N/m")] = Field(title="spring", description="k0 (N/m).")
     meshes: tuple[Preloaded] = Field(title="meshes", description="One tooth mesh.")
 
-    @classmethod
-    def size(cls, raw: dict[str, Any]) -> int:
+    def size(self) -> int:
         return 1
 
     def equations(self) -> GearSystem:

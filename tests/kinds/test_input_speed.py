@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scenes import problems, read, written
 
+from gearstab.systems import section
 from gearstab.systems.planetary.phasing import Turning
 
 RPM = np.pi / 30
@@ -64,7 +65,7 @@ def test_planets_roll_without_slip(driving: str, fixed: str) -> None:
     speed = dict(zip(order, np.linalg.solve(rows, [0, 0, 1, 0]), strict=True))
     passing = abs(z_s * (speed["sun"] - speed["carrier"]))  # teeth of the sun past a planet's centre
     assert passing == pytest.approx(abs(z_r * (speed["ring"] - speed["carrier"])), rel=1e-12)
-    motion = Turning.of({"input": driving, "fixed": fixed}, z_s, z_r)
+    motion = Turning.of(section({"kind": "planetary", "input": driving, "fixed": fixed}), z_s, z_r)
     assert motion is not None
     assert float(motion.cycles) == pytest.approx(passing, rel=1e-12)
 

@@ -12,7 +12,7 @@ from scenes import read
 
 from gearstab.floquet import solve
 from gearstab.system import GearSystem
-from gearstab.systems import build
+from gearstab.systems import build, section
 from gearstab.systems.planetary.angles import misfit, nearest
 from gearstab.systems.planetary.phasing import Turning
 from gearstab.systems.planetary.teeth import with_teeth
@@ -38,7 +38,7 @@ def speeds(driving: str, held: str, sense: str) -> dict[str, float]:
 @SENSES
 def test_the_motion_is_that_of_linear_equations_and_of_virtual_work(driving: str, held: str, sense: str) -> None:
     w = speeds(driving, held, sense)
-    motion = Turning.of({"input": driving, "fixed": held, "sense": sense}, SUN, RING)
+    motion = Turning.of(section({"kind": "planetary", "input": driving, "fixed": held, "sense": sense}), SUN, RING)
     assert motion is not None
     assert motion.planets_turn == np.sign(w["planet"] - w["carrier"])
     assert float(motion.cycles) == pytest.approx(RING * abs(w["ring"] - w["carrier"]))
@@ -125,7 +125,7 @@ def test_a_gear_that_turns_the_other_way_is_its_mirror_image(tmp_path: Path) -> 
     there = with_teeth(read(tmp_path, TEXT.format("sense: counter-clockwise")).system)
     back = with_teeth(read(tmp_path, TEXT.format("sense: clockwise")).system)
     assert back["pressure_angles"]["sun"] == -there["pressure_angles"]["sun"]
-    half = back | {"pressure_angles": there["pressure_angles"]}
+    half = back.model_copy(update={"pressure_angles": there.pressure_angles})
     omega = np.linspace(2e4, 9e4, 60)
     first, mirrored, other = (np.asarray(solve(build(p), omega).growth_rate) for p in (there, back, half))
     scale = first.max()

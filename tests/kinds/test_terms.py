@@ -83,7 +83,7 @@ def test_mesh_damping_that_follows_parabolic_pairs() -> None:
 
 def test_sampled_stiffness_from_its_file() -> None:
     config = load(WAVEFORMS / "sampled.yaml", ["sweep.epsilon=[0.35]"])
-    system = build(config.system | {"meshes": [config.system["meshes"][0] | {"epsilon": 0.35}]})
+    system = build(config.at({"epsilon": np.array(0)}))
     samples = np.loadtxt(WAVEFORMS / "mesh_stiffness.csv", delimiter=",", skiprows=2)[:, 1]
     # Twenty-four equal steps: trigonometric interpolation differs from the spline by O(h^4), 1e-4 of the variation.
     harmonics = np.fft.rfft(samples) / len(samples)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import CONFIGS
+from scenes import CONFIGS, plain
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
@@ -24,7 +24,7 @@ START, STOP = 0.35, 3.5
 
 def mathieu(epsilon) -> GearSystem:
     """The gear pair of the configuration: a = 4/Omega^2, q = epsilon a."""
-    p = load(CONFIG).system
+    p = plain(load(CONFIG).system)
     return build(p | {"meshes": [p["meshes"][0] | {"epsilon": np.asarray(epsilon, dtype=float)}]})
 
 

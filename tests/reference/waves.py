@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from gearstab.waveforms import Fourier, Rectangular, Sampled, Tooth, ToothPair, TorqueTable, Trapezoidal
@@ -40,7 +42,7 @@ def pieces(function, *edges):
 def at_torque(torque, interpolation="linear"):
     """A table of two torques, 1 and 2."""
     samples = {"torques": np.array([1.0, 2.0]), "phase": IRREGULAR, "stiffness": np.array([LEVELS, LEVELS[::-1]])}
-    return TorqueTable.build({"torque": torque, "interpolation": interpolation, **samples})
+    return TorqueTable.build(SimpleNamespace(torque=torque, interpolation=interpolation, **samples))
 
 
 CASES = {

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from driven import CASES, force_peaks, pair, train, with_waves
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import ROOT
+from scenes import ROOT, plain
 
 from gearstab.cli import group
 from gearstab.config import load
@@ -274,7 +274,7 @@ def test_a_system_that_nothing_drives_is_refused(tmp_path: Path) -> None:
 def planetary(**changes: object) -> dict[str, object]:
     """Of the run-up among the configurations: torques on sun and carrier, the ring on a foundation."""
     root = ROOT
-    return load(root / "configs" / "response" / "planetary_speeds.yaml").system | changes
+    return plain(load(root / "configs" / "response" / "planetary_speeds.yaml").system) | changes
 
 
 def test_the_meshes_of_a_planetary_gear_share_the_torque() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import TRAIN, problems, read, result_of
+from scenes import TRAIN, plain, problems, read, result_of
 from systems import pair
 
 from gearstab.floquet import solve
@@ -79,7 +79,7 @@ methods:
     ratio, epsilon, inertia = (stats.norm(1.5, 0.1).ppf(points[:, 0]),
                                stats.triang(1 / 3, 0.2, 0.3).ppf(points[:, 1]),
                                0.3 + stats.uniform(-0.1, 0.2).ppf(points[:, 2]))  # fmt: skip
-    base = read(tmp_path, text).system
+    base = plain(read(tmp_path, text).system)
     for phasing in (0.0, 0.3):
         unstable = []
         for c, e, m in zip(ratio, epsilon, inertia, strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -25,7 +26,9 @@ def columns() -> np.ndarray:
 def table(torque: float | list[float]) -> TorqueTable:
     # The order of the lines of a file is of no account.
     shuffled = columns()[:, np.random.default_rng(3).permutation(12)]
-    return TorqueTable.build({"torque": np.asarray(torque), **TorqueTable.from_file(shuffled)})
+    return TorqueTable.build(
+        SimpleNamespace(torque=np.asarray(torque), interpolation=None, **TorqueTable.from_file(shuffled))
+    )
 
 
 def test_at_a_torque_of_the_table_it_is_the_wave_of_those_samples() -> None:

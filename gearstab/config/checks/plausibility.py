@@ -105,7 +105,7 @@ def _numbers(document: Document, config: Config, units: set[str] | None) -> Iter
     """
     model = type(config.system)
     swept = {item.path for axis in config.axes for item in axis.assignments}
-    turning = config.system.turning(config.system)
+    turning = config.system.turning()
     for path, value in scalars(config.system):
         kind = quantity(type_at(model, path))
         if kind is None or value is None or path in swept:

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import entries, is_number
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import entries, is_section
+from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.axes import Array, Axis
 from gearstab.config.model.conflicts import plain_number
-from gearstab.config.model.fields import Section
 from gearstab.waveforms import Sampled, TorqueTable
 from gearstab.waveforms.sampled import out_of_table
 from gearstab.waveforms.section import wave_of
@@ -20,16 +19,14 @@ from gearstab.waveforms.section import wave_of
 HINT = "leave it out, or check the samples"
 
 
-def check_variation(
-    document: Document, system: dict[str, Any], samples: Mapping[Path, Array], axes: Sequence[Axis]
-) -> None:
+def check_variation(document: Document, system: Any, samples: Mapping[Path, Array], axes: Sequence[Axis]) -> None:
     """Report variations of constant samples, which no factor makes vary, in the sections or along the axes.
 
-    system: its section as meant; samples: contents of files, (columns, N), by the place of the waveform below
+    system: its section; samples: contents of files, (columns, N), by the place of the waveform below
     ``system``.
     """
     for path, waveform in waveforms(system, ()):
-        values = samples[path][1] if path in samples else waveform.get("stiffness")
+        values = samples[path][1] if path in samples else waveform.stiffness
         swept = [(axis, item) for axis in axes for item in axis.assignments if item.path[: len(path) - 1] == path[:-1]]
         if (
             wave_of(waveform) is not Sampled
@@ -42,7 +39,7 @@ def check_variation(
             axis = next(
                 (axis for axis, item in swept if item.path == place and np.any(np.asarray(item.values) > 0)), None
             )
-            value = document.get(("system", *place))
+            value = value_at(system, place)
             message = f"the samples of the stiffness are constant, and no {key} makes them vary"
             if axis is not None:
                 document.report(
@@ -52,8 +49,9 @@ def check_variation(
                     "remove the axis, or check the samples",
                     at_key=True,
                 )
-            elif is_number(value) and value > 0:
-                document.report(("system", *place), "not_applicable", message, HINT, value=value)
+            elif value is not None and np.any(value > 0):
+                given = document.get(("system", *place))
+                document.report(("system", *place), "not_applicable", message, HINT, value=given)
 
 
 def check_torques(document: Document, system: Any, axes: Sequence[Axis]) -> None:
@@ -62,16 +60,16 @@ def check_torques(document: Document, system: Any, axes: Sequence[Axis]) -> None
     system: its section, with the contents of files.
     """
     for path, waveform in waveforms(system, ()):
-        if wave_of(waveform) is not TorqueTable or waveform.get("torques") is None:
+        if wave_of(waveform) is not TorqueTable or getattr(waveform, "torques", None) is None:
             continue
         place: Path = (*path, "torque")
         given: list[tuple[Path, Any]] = [
             (("sweep", axis.name), item.values) for axis in axes for item in axis.assignments if item.path == place
         ]
-        if not given and waveform.get("torque") is not None:
-            given = [(("system", *place), waveform["torque"])]
+        if not given and waveform.torque is not None:
+            given = [(("system", *place), waveform.torque)]
         for where, values in given:
-            if found := out_of_table(np.asarray(values, dtype=float), waveform["torques"]):
+            if found := out_of_table(np.asarray(values, dtype=float), waveform.torques):
                 message, hint = found
                 document.report(where, "out_of_range", message, hint, at_key=where[0] == "sweep")
 
@@ -84,7 +82,7 @@ def _constant(values: Any) -> bool:
 def waveforms(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
     """The sections ``waveform`` below a value, with their paths."""
     for key, inner in entries(value):
-        if key == "waveform" and isinstance(inner, dict | Section):
+        if key == "waveform" and is_section(inner):
             yield (*path, key), inner
         else:
             yield from waveforms(inner, (*path, key))

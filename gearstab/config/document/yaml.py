@@ -58,6 +58,10 @@ class Document:
     problems: list[Problem] = field(default_factory=list)
     first: int | None = 1
 
+    def copy(self) -> Document:
+        """Return a document whose data and places may be changed; its problems are the same list."""
+        return Document(self.file, copied(self.data), dict(self.values), dict(self.keys), self.problems, self.first)
+
     def where(self, path: Path) -> Where:
         """The place of the value at a path, or of the innermost one around it that exists."""
         for length in range(len(path), 0, -1):
@@ -107,6 +111,13 @@ class Document:
         for table in (self.values, self.keys):
             for known in [p for p in table if p[: len(source)] == source]:
                 table[target + known[len(source) :]] = table[known]
+
+
+def copied(value: Any) -> Any:
+    """Return a copy of nested mappings and lists."""
+    if isinstance(value, dict):
+        return {key: copied(item) for key, item in value.items()}
+    return [copied(item) for item in value] if isinstance(value, list) else value
 
 
 def paths_below(value: Any, path: Path) -> Iterator[Path]:

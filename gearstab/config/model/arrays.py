@@ -30,6 +30,6 @@ def diagonal(values: Sequence[Any]) -> Array:
     return entries[..., :, None] * np.eye(entries.shape[-1])
 
 
-def given(p: Any, key: str) -> bool:
-    """Whether a number is there and not zero everywhere."""
-    return p.get(key) is not None and bool(np.any(np.asarray(p[key]) != 0))
+def given(number: Any) -> bool:
+    """Return whether a number is there and not zero everywhere."""
+    return number is not None and bool(np.any(np.asarray(number) != 0))

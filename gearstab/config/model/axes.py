@@ -146,7 +146,7 @@ def replaced(container: Any, path: Sequence[str | int], value: Any) -> Any:
         return container.model_copy(update={str(key): replaced(getattr(container, str(key)), path[1:], value)})
     copied = list(container)
     copied[int(key)] = replaced(copied[int(key)], path[1:], value)
-    return copied
+    return type(container)(copied)
 
 
 def alike(axes: Sequence[Axis], rows: Mapping[str, Array], count: int) -> Iterator[Array]:

@@ -62,13 +62,6 @@ class Section(BaseModel):
         except AttributeError:
             raise KeyError(name) from None
 
-    def get(self, key: str, default: Any = None) -> Any:
-        value = getattr(self, key, None)
-        return default if value is None else value
-
-    def __or__(self, update: Any) -> Any:
-        return self.model_copy(update=dict(update))
-
 
 @dataclass(frozen=True)
 class Quantity:

@@ -98,6 +98,38 @@ def type_at(model: type[BaseModel], path: Path) -> Any:
     return annotation
 
 
+@cache
+def descriptions(model: type[BaseModel]) -> dict[str, str]:
+    """Return what the fields of a section mean: the docstrings that follow them, or descriptions given otherwise.
+
+    Sources are parsed when they are asked for, which is for messages and the schema only.
+    """
+    import ast
+    import inspect
+    from itertools import pairwise
+    from textwrap import dedent
+
+    found: dict[str, str] = {}
+    for part in reversed(model.__mro__):
+        try:
+            own = issubclass(part, BaseModel) and part is not BaseModel
+            source = inspect.getsource(part) if own else ""
+        except OSError:  # made without a source, as sections of all methods are
+            continue
+        for definition in ast.parse(dedent(source)).body:
+            for field, text in pairwise(getattr(definition, "body", ())):
+                said = text.value if isinstance(text, ast.Expr) else None
+                if isinstance(field, ast.AnnAssign) and isinstance(said, ast.Constant):
+                    found[ast.unparse(field.target)] = " ".join(str(said.value).split())
+    described = {name: field.description for name, field in model.model_fields.items() if field.description}
+    return {name: text for name, text in (found | described).items() if name in model.model_fields}
+
+
+def title_of(model: type[BaseModel], name: str) -> str:
+    """Return the title of a field: its name, unless it has another one."""
+    return model.model_fields[name].title or name.replace("_", " ")
+
+
 def held(section: Any) -> dict[str, Any]:
     """Return what a section holds, by name, without fields that are not given; nothing of None."""
     return {} if section is None else {key: value for key, value in dict(section).items() if value is not None}

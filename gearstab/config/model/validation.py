@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
 
 from gearstab.config.document.codes import code_of
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import right_name
 from gearstab.config.model.fields import Section
-from gearstab.config.model.introspection import bare, field_types, is_model, number_kind, type_at
+from gearstab.config.model.introspection import bare, descriptions, field_types, is_model, number_kind, type_at
 from gearstab.config.model.not_modelled import not_modelled
+from gearstab.config.model.reading import read, right_name
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -33,19 +34,18 @@ def validate(document: Document, model: type[Model], path: Path, ignore: Collect
 
     ignore: paths in the document whose problems are known already.
     """
-    try:
-        return model.model_validate(document.get(path))
-    except ValidationError as error:
-        report(document, error, model, path, ignore)
-        return None
+    section, errors = read(model, document.get(path))
+    report_errors(document, errors, model, path, ignore)
+    return None if errors else section
 
 
-def report(document: Document, error: ValidationError, model: Any, path: Path, ignore: Collection[Path] = ()) -> None:
+def report_errors(
+    document: Document, details: Sequence[ErrorDetails], model: Any, path: Path, ignore: Collection[Path] = ()
+) -> None:
     """Report every error but those that follow from another one.
 
     These stand beside an option that does not exist yet, or miss a key that is there but misspelt.
     """
-    details = error.errors(include_url=False)
     extra = [d["loc"] for d in details if d["type"] == "extra_forbidden"]
     misspelt = [(*loc[:-1], right_name(str(loc[-1]), type_at(model, loc[:-1]))) for loc in extra]
     unavailable = [d["loc"] for d in details if d["type"] == "unavailable"]
@@ -82,7 +82,7 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
     if _lacks(detail) and isinstance(loc[-1], int):
         _wrong_count(document, here[:-1], parent)
     elif _lacks(detail):
-        description = parent.model_fields[loc[-1]].description or ""
+        description = descriptions(parent).get(str(loc[-1]), "")
         document.report(here, "missing", "is missing", f"add {loc[-1]}: {description.rstrip('.')}")
     elif detail["type"] == "extra_forbidden":
         key = str(loc[-1])

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pydantic_core import PydanticCustomError
+
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
+from gearstab.config.model import conflicts
 from gearstab.config.model.axes import SpeedAxis
+from gearstab.config.model.fields import Quantity
+from gearstab.config.model.reading import WRONG, read, told
+from gearstab.config.model.units import typed_unit
+from gearstab.config.model.validation import report_errors
+from gearstab.config.sections.dimensions import check_units
+from gearstab.config.sections.targets import INPUT_SPEED, UNKNOWN_TEETH
 
 if TYPE_CHECKING:
-    from gearstab.config.reading.system import SystemSections
     from gearstab.systems.base import System
     from gearstab.systems.parts.respond import Respond
     from gearstab.systems.parts.respond_pair import PairRespond
@@ -19,32 +27,25 @@ OF_RAMP = (("to", "rad/s"), ("rate", "rad/s^2"))
 """Where a ramp is, and which of its keys are speeds and accelerations of the input where the section gives that."""
 
 
-def read_respond(
-    document: Document, model: type[System] | None, system: SystemSections | None
-) -> Respond | PairRespond | None:
-    """The response that a document asks for; None without the section and after reporting problems."""
+def read_respond(document: Document, model: type[System] | None, system: System | None) -> Respond | PairRespond | None:
+    """Read the response that a document asks for; None without the section and after reporting problems.
+
+    system: its section, in which values may be wrong.
+    """
     if "respond" not in document.data:
         return None
-    from gearstab.config.model.conflicts import as_meant, report
-    from gearstab.config.model.validation import validate
-    from gearstab.config.sections.dimensions import check_units
     from gearstab.systems.parts.respond import Respond
 
-    raw, section = document.data.get("system"), document.data["respond"]
     wanted: type[Respond | PairRespond] = Respond if model is None else model.respond_model()
-    known = as_meant(raw, model) or {}
-    if system:
-        known |= system.contents
-    size = model.size(known) if model else None
-    axis = SpeedAxis()
-    if model is not None and wanted is Respond and isinstance(section, dict):
-        axis = _replace_input_speed(document, section, model.cycles_of_input(known))
-    meant = as_meant(section, wanted)
-    if meant is not None:
-        report(document, ("respond",), wanted.conflicts(meant, known, size), meant)
-    wrong = check_units(document, model, known, "respond", wanted) if model else set()
-    respond: Respond | PairRespond | None = validate(document, wanted, ("respond",), wrong)
-    return None if respond is None or size is None else respond.of_size(size, axis)
+    size, axis = None if system is None else told(system.size), SpeedAxis()
+    if system is not None and wanted is Respond and isinstance(document.data["respond"], dict):
+        axis = _replace_input_speed(document, document.data["respond"], told(system.cycles_of_input, 1.0))
+    respond, errors = read(wanted, document.data["respond"])
+    if respond is not WRONG:
+        conflicts.report(document, ("respond",), respond.conflicts(system, size), respond)
+    units = set() if system is None else check_units(document, system, "respond", wanted)
+    report_errors(document, errors, wanted, ("respond",), units)
+    return None if errors or size is None else respond.of_size(size, axis)
 
 
 def _replace_input_speed(document: Document, section: dict[str, Any], cycles: float | None) -> SpeedAxis:
@@ -52,12 +53,6 @@ def _replace_input_speed(document: Document, section: dict[str, Any], cycles: fl
 
     Returns in what the section gives its speed.
     """
-    from pydantic_core import PydanticCustomError
-
-    from gearstab.config.model.fields import Quantity
-    from gearstab.config.model.units import typed_unit
-    from gearstab.config.sections.targets import INPUT_SPEED, UNKNOWN_TEETH
-
     value, path = section.get(INPUT_SPEED), ("respond", INPUT_SPEED)
     if value is None or section.get("mesh_frequency") is not None:
         return SpeedAxis(typed_units=typed_unit([section.get("mesh_frequency")]))

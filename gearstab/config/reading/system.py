@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from gearstab.config.checks.samples import check_torques, check_variation, waveforms
 from gearstab.config.document.problems import Path, Problem, dotted, nearest
 from gearstab.config.document.tree import sequence
 from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.model import conflicts
 from gearstab.config.model.axes import Array, Axis, replaced
+from gearstab.config.model.reading import WRONG, read
+from gearstab.config.model.validation import report_errors
+from gearstab.config.sections import sweep
+from gearstab.config.sections.dimensions import check_units, quantity_at
+from gearstab.waveforms import WAVEFORMS
+from gearstab.waveforms.section import wave_of
 
 if TYPE_CHECKING:
     from gearstab.config.sections.design import Design
@@ -23,7 +31,7 @@ class SystemSections:
     """``system``, ``sweep`` and ``design``. plain: ``system`` as plain data; specs: ``sweep``, resolved.
 
     context, uncertain: what the names of uncertain parameters refer to, and stand for.
-    doubts: overrides without effect.
+    doubts: overrides without effect. sound: whether the section has no mistake.
     """
 
     plain: dict[str, Any]
@@ -35,6 +43,7 @@ class SystemSections:
     uncertain: dict[str, list[Target]]
     design: Design | None
     doubts: list[Problem]
+    sound: bool
 
 
 def find_model(document: Document) -> type[System] | None:
@@ -60,25 +69,18 @@ def find_model(document: Document) -> type[System] | None:
     return None
 
 
-def read_system(document: Document, model: type[System], source: FilePath) -> SystemSections | None:
-    """The sections ``system`` and ``sweep``; None after reporting problems."""
-    from gearstab.config.checks.samples import check_torques, check_variation
-    from gearstab.config.model.conflicts import as_meant, report
-    from gearstab.config.model.validation import validate
-    from gearstab.config.sections import sweep
-    from gearstab.config.sections.dimensions import check_units
-    from gearstab.waveforms import WAVEFORMS
-
+def read_system(document: Document, model: type[System], source: FilePath) -> SystemSections:
+    """Read ``system``, ``sweep`` and ``design``; report problems. document: with short forms written out."""
     raw = document.data["system"]
-    _name_meshes(document, model)
+    for i in range(len(sequence(raw.get("meshes")))):
+        name = model.mesh_names[i] if i < len(model.mesh_names) else f"mesh{i + 1}"
+        document.fill(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
     contents = model.read_files(document, source)
-    model.complete(document, raw, model.size(as_meant(raw | contents, model)))
-    from_file: dict[str, Any] = {k: v for k, v in contents.items() if k != "damping"}
-    if "damping" in contents:
-        from_file["damping"] = {"matrix": contents["damping"]}
-    meant = as_meant(raw | from_file, model)
-    samples, doubts = _read_samples(document, model, meant, source)
-    context = sweep.Context(document, model, meant)
+    model.complete(document, raw, contents)
+    bare, errors = read(model, document.data["system"])
+    section = bare.with_files(contents)
+    samples, doubts = _read_samples(document, section, source)
+    context = sweep.Context(document, section)
     layouts = sweep.layouts(context) if "sweep" in document.data else []
     doubts += sweep.without_effect(document, layouts)
     variables: list[sweep.UnresolvedAxis] = []
@@ -86,66 +88,59 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
         from gearstab.config.sections import design
 
         variables = design.layouts(context)
-    known = set(sweep.base_values(document, [*layouts, *variables]))
+    base = list(sweep.base_values(context, [*layouts, *variables]))
     targets: dict[str, list[Target]] = {}
     if value_at(document.data, ("methods", "tolerance")) is not None:
         from gearstab.config.sections import uncertain
 
         targets = uncertain.resolve(context, value_at(document.data, uncertain.SECTION))
-        known |= set(uncertain.base_values(context, targets))
-    section = as_meant(raw | from_file, model)
-    report(document, ("system",), model.conflicts(section), section)
-    known |= check_units(document, model, meant, "system", model, known)
-    system = validate(document, model, ("system",), known)
+        base += uncertain.base_values(context, targets)
+    for path, value, place in reversed(base):  # the first one counts
+        bare, document.values["system", *path] = replaced(bare, path, value), place
+    section = bare.with_files(contents)
+    conflicts.report(document, ("system",), section.conflicts(), section)
+    given = {("system", *path) for path, _, _ in base}
+    report_errors(document, errors, model, ("system",), given | check_units(document, section, "system", model, given))
+    context = replace(context, system=section)
     built = [(layout.name, sweep.build(context, layout)) for layout in layouts]
-    wanted = design.read(context, variables) if "design" in document.data else None
-    if system is None:
-        return None
     axes = tuple(item[0] for _, item in built if item)
-    if system.damping is None and system.damping_ratio is None and "damping" not in contents:
-        system = system.model_copy(update={"damping_ratio": 0.0})
-    plain = {"kind": raw["kind"]} | system.model_dump(mode="json", exclude_none=True)
-    system = system.with_files(contents)
-    for where, columns in samples.items():
-        wave = WAVEFORMS[value_at(system, (*where, "kind"))]
-        system = replaced(system, where, value_at(system, where).model_copy(update=wave.from_file(columns)))
-    check_variation(document, section, samples, axes)
-    check_torques(document, system, axes)
+    wanted = design.read(context, variables) if "design" in document.data else None
+    sound = all(("system", *error["loc"]) in given for error in errors) and all(
+        value is not WRONG for _, value, _ in base
+    )
+    plain: dict[str, Any] = {}
+    if sound:
+        if section.damping is None and section.damping_ratio is None:
+            bare, section = (each.model_copy(update={"damping_ratio": 0.0}) for each in (bare, section))
+        plain = {"kind": section["kind"]} | bare.model_dump(mode="json", exclude_none=True)
+        for where, columns in samples.items():
+            wave = WAVEFORMS[value_at(section, (*where, "kind"))]
+            held = value_at(section, where).model_copy(update=wave.from_file(columns))
+            section = replaced(section, where, held)
+        check_variation(document, section, samples, axes)
+        check_torques(document, section, axes)
     contents |= {dotted(where): values for where, values in samples.items()}
     specs = {name: item[1] for name, item in built if item}
-    return SystemSections(plain, system, contents, axes, specs, context, targets, wanted, doubts)
+    return SystemSections(plain, section, contents, axes, specs, context, targets, wanted, doubts, sound)
 
 
-def _name_meshes(document: Document, model: type[System]) -> None:
-    meshes = document.data["system"].get("meshes")
-    for i in range(len(sequence(meshes))):
-        name = model.mesh_names[i] if i < len(model.mesh_names) else f"mesh{i + 1}"
-        document.fill(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
-
-
-def _read_samples(
-    document: Document, model: type[System], section: dict[str, Any], source: FilePath
-) -> tuple[dict[Path, Array], list[Problem]]:
+def _read_samples(document: Document, section: System, source: FilePath) -> tuple[dict[Path, Array], list[Problem]]:
     """Return the contents of the files of waveforms, by the place of the waveform below ``system``, and what is
     doubtful about them; problems are reported.
     """
-    from gearstab.config.checks.samples import waveforms
-    from gearstab.waveforms.section import wave_of
-
     found: dict[Path, Array] = {}
     doubts: list[Problem] = []
     for path, waveform in waveforms(section, ()):
-        name, wave = waveform.get("file"), wave_of(waveform)
+        name, wave = getattr(waveform, "file", None), wave_of(waveform)
         if not isinstance(name, str) or wave is None:
             continue
         from gearstab.config.checks.sample_file import read_samples
         from gearstab.config.document.files import DataFileError
-        from gearstab.config.sections.dimensions import quantity_at
 
-        interpolation = waveform.get("interpolation") or "linear"
         try:
-            columns = {key: quantity_at(model, section, (*path, key), kind) for key, kind in wave.columns.items()}
-            found[path], doubt = read_samples(source.parent / name, wave, str(interpolation), columns)
+            columns = {key: quantity_at(section, (*path, key), kind) for key, kind in wave.columns.items()}
+            interpolation = waveform.interpolation if isinstance(waveform.interpolation, str) else "linear"
+            found[path], doubt = read_samples(source.parent / name, wave, interpolation, columns)
         except DataFileError as error:
             document.report(("system", *path, "file"), "file", str(error), error.hint, value=name)
             continue

@@ -43,7 +43,9 @@ def layouts(context: Context) -> Iterator[UnresolvedAxis]:
         return
     found = [layout for name in section if (layout := _layout(context, name)) is not None]
     report_rivals(document, found)
-    yield from found
+    for layout in found:
+        layout.expand(document)
+        yield layout
 
 
 def form_of(document: Document, name: str) -> str | None:

@@ -15,6 +15,7 @@ from gearstab.config.document.tree import texts
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.fields import Quantity
 from gearstab.config.model.introspection import quantity, type_at
+from gearstab.config.model.reading import WRONG, known, told
 
 if TYPE_CHECKING:
     from gearstab.systems.base import System
@@ -34,31 +35,32 @@ SCALED = "times are in sqrt(m_r/k_rp) with scaling: dimensionless"
 OF_A_TORQUE = "of a torque, give the force that it is over the base radius"
 
 
-def quantity_at(model: type[System], raw: dict[str, Any], path: Path, declared: Quantity) -> Quantity:
-    """Return the limits of the number at a path, which its field declares, in a section ``system`` as written.
+def quantity_at(system: System, path: Path, declared: Quantity) -> Quantity:
+    """Return the limits of the number at a path, which its field declares, in a section whose values may be wrong.
 
     path: below ``system``, or beginning with ``mesh_frequency`` or ``respond``.
     """
     if declared.unit in ("1", "rad"):
         return declared
-    if raw.get("units") == "none" and not model.needs_units:
+    if told(lambda: system.units == "none") and not system.needs_units:
         return Quantity(advice=NO_UNITS)
-    if path[0] in ("mesh_frequency", "respond") and raw.get("scaling") == "dimensionless" and declared.unit != "m":
+    scaled = told(lambda: getattr(system, "scaling", "SI") == "dimensionless")
+    if path[0] in ("mesh_frequency", "respond") and scaled and declared.unit != "m":
         return Quantity(advice=SCALED)
-    turning, angle = model.turning(raw), model.turning_meshes(raw)
+    turning, angle = told(system.turning), bool(told(system.turning_meshes))
     if path[0] == "meshes" and path[2:3] == ("direction",):
-        known = turning is not None and path[-1] in range(len(turning))
-        lever = not known or (turning[path[-1]] and not angle)  # type: ignore[index]
+        given = turning is not None and path[-1] in range(len(turning))
+        lever = not given or (turning[path[-1]] and not angle)  # type: ignore[index]
         return declared if lever else Quantity(advice="the mesh deflection is this times the coordinate")
     units = TURNED.get(declared.unit)
-    found = set(_rotations(raw, path, turning, angle)) if declared.others and units else set()
+    found = set(known(_rotations(system, path, turning, angle))) if declared.others and units else set()
     if not units or len(found) != 1:
         return declared
     unit = units[found.pop()]
     return replace(declared, unit=unit, others=(), advice=OF_A_TORQUE if unit == "N" and path[0] == "load" else "")
 
 
-def _rotations(raw: dict[str, Any], path: Path, turning: Sequence[bool] | None, angle: bool) -> Iterator[int]:
+def _rotations(system: Any, path: Path, turning: Sequence[bool] | None, angle: bool) -> Iterator[int]:
     """How many of the coordinates that a number belongs to are rotations; several answers where it belongs to many."""
     if path[0] == "meshes":
         stiffness = path[2] not in ("backlash", "transmission_error")
@@ -66,14 +68,18 @@ def _rotations(raw: dict[str, Any], path: Path, turning: Sequence[bool] | None, 
         return
     groups: list[Sequence[Any]] = []
     if path[0] in ("forces", "terms"):
-        item = raw[path[0]][path[1]]
-        vectors = [item.get(key) for key in (("direction",) if path[0] == "forces" else ("left", "right"))]
-        groups = [[k for k, value in enumerate(vector or ()) if value != 0] for vector in vectors]
+        item = system[path[0]][path[1]]
+        vectors = [item[key] for key in (("direction",) if path[0] == "forces" else ("left", "right"))]
+        groups = [[k for k, value in enumerate(vector) if value is WRONG or value != 0] for vector in vectors]
     elif path[0] in ("mass", "stiffness", "damping"):
         groups = [[path[-2]], [path[-1]]]
     elif path[0] in ("load", "respond"):
         groups = [[path[-1]]]
-    if turning is None or any(not isinstance(k, int) or k >= len(turning) for group in groups for k in group):
+    if (
+        turning is None
+        or not groups
+        or any(not isinstance(k, int) or k >= len(turning) for group in groups for k in group)
+    ):
         return
     first, second = groups if len(groups) == 2 else (groups[0], None)
     for i in first:
@@ -82,7 +88,7 @@ def _rotations(raw: dict[str, Any], path: Path, turning: Sequence[bool] | None, 
 
 
 def check_units(
-    document: Document, model: type[System], raw: dict[str, Any], top: str, section: type[BaseModel],
+    document: Document, system: System, top: str, section: type[BaseModel],
     ignore: Collection[Path] = (),
 ) -> set[Path]:  # fmt: skip
     """Report texts in a section whose unit does not fit the model; returns where they stand.
@@ -95,7 +101,7 @@ def check_units(
         place = (top, *path)
         if declared is None or place in ignore:
             continue
-        wanted = quantity_at(model, raw, path if top == "system" else place, declared)
+        wanted = quantity_at(system, path if top == "system" else place, declared)
         if wanted == declared:
             continue
         try:

@@ -33,17 +33,16 @@ Spacing = Annotated[str, Choice("spacing", ("linear", "log"))]
 class Range(Section):
     """Equally spaced values, both ends included."""
 
-    start: AnyNumber = Field(title="start", description="The first value.")
-    stop: AnyNumber = Field(title="stop", description="The last value.")
-    num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
-    step: AnyNumber | None = Field(
-        default=None,
-        title="step",
-        description="From value to value; the stop is included when a step hits it. Or give num.",
-    )
-    spacing: Spacing = Field(
-        default="linear", title="spacing", description="log: equal ratios instead of equal differences, with num."
-    )
+    start: AnyNumber
+    """The first value."""
+    stop: AnyNumber
+    """The last value."""
+    num: Count | None = Field(default=None, title="number of values")
+    """How many values; or give step."""
+    step: AnyNumber | None = None
+    """From value to value; the stop is included when a step hits it. Or give num."""
+    spacing: Spacing = "linear"
+    """log: equal ratios instead of equal differences, with num."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Annotated, Any
@@ -13,9 +13,10 @@ from pydantic import Field, WithJsonSchema
 
 from gearstab.config.document.problems import Path, Problem, dotted, nearest
 from gearstab.config.document.tree import mapping, sequence
-from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.document.yaml import Document, Where, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Assignment, Axis
 from gearstab.config.model.fields import NUMBER, AnyNumber, Section
+from gearstab.config.model.reading import WRONG, SkipRule, as_far_as_right
 from gearstab.config.sections.expansion import (
     Count,
     Expansion,
@@ -28,6 +29,8 @@ from gearstab.config.sections.methods import Methods
 from gearstab.config.sections.targets import INPUT_SPEED, Target, TargetError, described, resolve
 from gearstab.systems.base import System
 
+BaseValue = tuple[Path, Any, Where]
+"""Where a number is below ``system``, its value in SI units, and the place in the file that gives it."""
 GROUPS = ("modes", "bench", "teeth", *Methods.model_fields)
 """Names of the groups of a result."""
 LONGEST_NAME = 100
@@ -43,17 +46,20 @@ TIED = {"anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": EACH}, RANGE
 class Tie(Section):
     """Several parameters on one axis."""
 
-    targets: list[str] = Field(title="targets", min_length=1, description="Names of the parameters that vary together.")
-    values: Annotated[Any, WithJsonSchema(TIED)] = Field(
-        default=None,
-        title="values",
-        description="One list or range for all targets, or a list of them, one for each target.",
-    )
-    start: AnyNumber | None = Field(default=None, title="start", description="The first value, of all targets.")
-    stop: AnyNumber | None = Field(default=None, title="stop", description="The last value, of all targets.")
-    num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
-    step: AnyNumber | None = Field(default=None, title="step", description="From value to value; or give num.")
-    spacing: Spacing | None = Field(default=None, title="spacing", description="linear or log.")
+    targets: list[str] = Field(min_length=1)
+    """Names of the parameters that vary together."""
+    values: Annotated[Any, WithJsonSchema(TIED)] = None
+    """One list or range for all targets, or a list of them, one for each target."""
+    start: AnyNumber | None = None
+    """The first value, of all targets."""
+    stop: AnyNumber | None = None
+    """The last value, of all targets."""
+    num: Count | None = Field(default=None, title="number of values")
+    """How many values; or give step."""
+    step: AnyNumber | None = None
+    """From value to value; or give num."""
+    spacing: Spacing | None = None
+    """linear or log."""
 
 
 @dataclass
@@ -70,15 +76,6 @@ class Column:
     places: list[Path] = field(default_factory=list)
     base: Any = None
 
-    def first(self, document: Document) -> Any:
-        """The value at the first point, as written, to be the base value of a parameter that has none."""
-        if self.base is not None:
-            return self.base
-        spec = self.items or document.get(self.path)
-        if isinstance(spec, list):
-            return spec[0] if spec else 0.0
-        return spec.get("start") if isinstance(spec, dict) else spec
-
     def expand(self, document: Document, target: Target) -> Expansion:
         if self.items:
             return expand_list(document, self.items, self.places, target, self.path)
@@ -90,6 +87,7 @@ class UnresolvedAxis:
     """An axis before its values are known.
 
     sound: whether every name in it stands for something. labels, cases and tie: of axes in these forms, as written.
+    expansions: the values of each column for each of its targets.
     """
 
     name: str
@@ -98,25 +96,29 @@ class UnresolvedAxis:
     labels: list[str] | None = None
     tie: dict[str, Any] | None = None
     cases: list[dict[str, Any]] | None = None
+    expansions: list[list[Expansion]] = field(default_factory=list)
+
+    def expand(self, document: Document) -> None:
+        """Find the values; report problems."""
+        self.expansions = [[column.expand(document, t) for t in column.targets] for column in self.columns]
 
 
 @dataclass(frozen=True)
 class Context:
-    """Return the parameters that the names in ``sweep`` refer to. raw: the section ``system`` as written, with the
-    matrices of its file.
-    """
+    """Section that the names in ``sweep`` refer to. system: its section, in which values may be wrong."""
 
     document: Document
-    model: type[System]
-    raw: dict[str, Any]
+    system: System
 
     def resolve(self, name: str, path: Path) -> list[Target]:
         """The targets of a name that stands at ``path``; reports a name that has none."""
         try:
-            return resolve(name, self.model, self.raw)
+            return resolve(name, self.system)
         except TargetError as error:
             self.document.report(path, error.code, str(error), error.hint, at_key=True)
-            return []
+        except SkipRule:
+            pass  # what it leads to is wrong, and reported
+        return []
 
 
 def layouts(context: Context) -> list[UnresolvedAxis]:
@@ -147,6 +149,8 @@ def layouts(context: Context) -> list[UnresolvedAxis]:
             found.append(UnresolvedAxis(name, [Column(path, context.resolve(name, path))]))
     report_rivals(document, found)
     _report_teeth(document, found)
+    for layout in found:
+        layout.expand(document)
     return found
 
 
@@ -303,10 +307,11 @@ def _case_column(
 
 
 def _base(context: Context, target: Target) -> Any:
-    value = value_at(context.raw, target.paths[0])
-    if value is None and isinstance(target.default, Fraction):
-        return str(target.default)
-    return target.default if value is None else value
+    value = context.document.get(("system", *target.paths[0]))
+    if value is None:
+        held = value_at(context.system, target.paths[0])
+        value = target.default if held is None or held is WRONG else held
+    return str(value) if isinstance(value, Fraction) else value
 
 
 def _labels(document: Document, path: Path, entries: list[dict[str, Any]]) -> list[str]:
@@ -323,10 +328,7 @@ def _labels(document: Document, path: Path, entries: list[dict[str, Any]]) -> li
 
 
 def without_effect(document: Document, found: list[UnresolvedAxis]) -> Iterator[Problem]:
-    """Yield a doubt for each override of a single parameter that an axis, a tie or every case sets anyway.
-
-    To be called before ``base_values``, which fills parameters from axes.
-    """
+    """Yield a doubt for each override of a single parameter that an axis, a tie or every case sets anyway."""
     for layout in found:
         column_paths = ((c, ("system", *p)) for c in layout.columns for t in c.targets for p in t.paths)
         for column, path in column_paths:
@@ -339,22 +341,28 @@ def without_effect(document: Document, found: list[UnresolvedAxis]) -> Iterator[
                 )
 
 
-def base_values(document: Document, found: list[UnresolvedAxis]) -> Iterator[Path]:
-    """Fill parameters that are set only by an axis with its first value; yield their paths."""
-    for layout in found:
-        for column in layout.columns:
-            for target in column.targets:
-                path, first = ("system", *target.paths[0]), column.first(document)
-                if target.paths[0] != MESH_FREQUENCY and document.fill(
-                    path, 0.0 if first is None else first, document.where(column.path)
-                ):
-                    yield path
+def base_values(context: Context, layouts: Iterable[UnresolvedAxis]) -> Iterator[BaseValue]:
+    """Yield a base value, the first one, of each number that is set by an axis only."""
+    for column, found in ((c, e) for layout in layouts for c, e in zip(layout.columns, layout.expansions, strict=True)):
+        for target, expansion in zip(column.targets, found, strict=True):
+            if is_absent(context, target.paths[0]):
+                first = WRONG if expansion.values is None else expansion.values[0]
+                first = float(first) if isinstance(first, np.floating) else first
+                if column.base is not None:
+                    given = target.default
+                    first = as_far_as_right(target.annotation, column.base) if given is None else given
+                yield target.paths[0], first, context.document.where(column.path)
+
+
+def is_absent(context: Context, path: Path) -> bool:
+    """Return whether the section ``system`` as written could hold a number at a path and does not."""
+    around = context.document.get(("system", *path[:-1]))
+    return path != MESH_FREQUENCY and isinstance(around, dict) and around.get(str(path[-1])) is None
 
 
 def build(context: Context, layout: UnresolvedAxis) -> tuple[Axis, Any] | None:
     """The axis and its resolved specification; None after reporting problems."""
-    document = context.document
-    expansions = [[column.expand(document, t) for t in column.targets] for column in layout.columns]
+    document, expansions = context.document, layout.expansions
     flat = [e for found in expansions for e in found]
     if not layout.sound or not flat or any(e.values is None for e in flat):
         return None
@@ -371,7 +379,7 @@ def build(context: Context, layout: UnresolvedAxis) -> tuple[Axis, Any] | None:
             path,
             e.values if target.factor == 1 else np.asarray(e.values) * target.factor,
             target.factor,
-            *described(path, context.model, context.raw),
+            *described(path, context.system),
             e.typed_units,
         )
         for target, e in zip(targets, flat, strict=True)

@@ -23,8 +23,10 @@ from gearstab.config.model.introspection import (
     number_kind,
     quantity,
     ratio,
+    title_of,
     type_at,
 )
+from gearstab.config.model.reading import WRONG, SkipRule, told
 from gearstab.config.sections.dimensions import quantity_at
 from gearstab.systems import short_names, short_names_of
 from gearstab.systems.base import System
@@ -98,20 +100,20 @@ class Target:
         return kind is not None and not kind.exact
 
 
-def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
-    """All numbers that a parameter name stands for, in a system section as written.
+def resolve(name: str, system: System) -> list[Target]:
+    """All numbers that a parameter name stands for, in a section ``system``.
 
     Raises TargetError for a name that stands for none.
     """
-    return [_fitted(target, model, raw) for target in _named(name, model, raw)]
+    return [_fitted(target, system) for target in _named(name, system)]
 
 
-def described(path: Path, model: type[System], raw: dict[str, Any]) -> tuple[str, str, str]:
+def described(path: Path, system: System) -> tuple[str, str, str]:
     """Name, unit and title of the number at a path; one that says nothing to the kind of system stands for itself."""
-    name = _written(path, raw)
+    name = _written(path, system)
     try:
-        (target,) = resolve(name, model, raw)
-    except TargetError:
+        (target,) = resolve(name, system)
+    except (TargetError, SkipRule):
         return name, "1", name
     return name, target.unit, target.title
 
@@ -121,56 +123,56 @@ def _written(path: Path, raw: Any) -> str:
     words = []
     for k, part in enumerate(path, start=1):
         name = value_at(raw, (*path[:k], "name")) if isinstance(part, int) else None
-        words.append(str(part if name is None else name))
+        words.append(name if isinstance(name, str) else str(part))
     return ".".join(words)
 
 
-def _fitted(target: Target, model: type[System], raw: dict[str, Any]) -> Target:
+def _fitted(target: Target, system: System) -> Target:
     """With the units that the number has in this very system."""
     kind = quantity(target.annotation)
     if kind is None:
         return target
-    wanted = quantity_at(model, raw, target.paths[0], kind)
+    wanted = quantity_at(system, target.paths[0], kind)
     parts = get_args(target.annotation)
     return replace(target, annotation=Annotated[tuple(wanted if part is kind else part for part in parts)])
 
 
-def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
+def _named(name: str, system: System) -> list[Target]:
     if name == "mesh_frequency":
         return [Target((MESH_FREQUENCY,), AngularFrequency, "mesh frequency")]
     if name == INPUT_SPEED:
-        cycles = model.cycles_of_input(raw)
+        cycles = told(system.cycles_of_input, 1.0)
         if cycles is None:
             raise TargetError("the numbers of teeth are not known", UNKNOWN_TEETH, "needs_other")
-        own = [Target((path,), AngularFrequency, "input speed") for path in model.follow_speed(raw)]
+        own = [Target((path,), AngularFrequency, "input speed") for path in system.follow_speed()]
         return [Target((MESH_FREQUENCY,), AngularFrequency, "input speed", None, cycles), *own]
-    if name.isidentifier() and name not in model.model_fields:
+    if name.isidentifier() and name not in type(system).model_fields:
         # One that only other kinds of systems have is known too, for the message.
-        short = short_names_of(model).get(name) or short_names().get(name)
+        short = short_names_of(type(system)).get(name) or short_names().get(name)
         if short is not None:
-            return _of_meshes(name, short, model, raw)
-    return [_walk(name, model.expand_path(name.split(".")), model, raw)]
+            return _of_meshes(name, short, system)
+    return [_walk(name, system.expand_path(name.split(".")), system)]
 
 
-def _of_meshes(name: str, short: ShortName, model: type[System], raw: dict[str, Any]) -> list[Target]:
+def _of_meshes(name: str, short: ShortName, system: System) -> list[Target]:
     found = []
-    for place, mesh in model.mesh_places(raw):
-        kind = type_at(model, place)
+    for place, mesh in system.mesh_places():
+        kind = type_at(type(system), place)
         if not is_model(kind) or name not in field_types(kind) or not may_have(name, short, place[-1], mesh):
             continue
         field = kind.model_fields[name]
-        found.append(Target(((*place, name),), field_types(kind)[name], field.title, _default(field, name)))
+        found.append(Target(((*place, name),), field_types(kind)[name], title_of(kind, name), _default(field, name)))
     if found:
         return found
-    if "meshes" in model.model_fields and not any(True for _ in model.mesh_places(raw)):
+    if "meshes" in type(system).model_fields and not any(True for _ in system.mesh_places()):
         raise TargetError("the system has no meshes", "add system.meshes")
     remedy = f"the meshes give {short.rival}: use that, or give them {name}" if short.rival else short.hint
     raise TargetError(f"no mesh{' but the first' if short.but_first else ''} has {name}", remedy)
 
 
-def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any]) -> Target:
-    annotation: Any = model
-    value: Any = raw
+def _walk(name: str, parts: list[str], system: System) -> Target:
+    annotation: Any = type(system)
+    value: Any = system
     path: Path = ()
     title, owner, default = "", "", None
     step: str | int
@@ -179,7 +181,7 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
             _check_waveform(part, value, dotted(("system", *path, part)))
         if is_model(annotation) and part in field_types(annotation):
             field = annotation.model_fields[part]
-            title, default = field.title or part, _default(field, part)
+            title, default = title_of(annotation, part), _default(field, part)
             annotation, step = _of_its_kind(field_types(annotation)[part], value), part
             if is_model(annotation) and issubclass(annotation, ToothMesh):
                 owner = f" of {part}"
@@ -190,8 +192,8 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
             if is_model(annotation):
                 owner = f" of {value_at(value, (index, 'name'))}"
         else:
-            raise TargetError("unknown parameter", nearest(name, candidates(model, raw)))
-        value, path = value_at(value, (step,)), (*path, step)
+            raise TargetError("unknown parameter", nearest(name, candidates(system)))
+        value, path = value if value is WRONG else value_at(value, (step,)), (*path, step)
         if value is None and default is None and is_model(annotation) and part != parts[-1]:
             where = dotted(("system", *path))
             raise TargetError(f"there is no {part} here", f"add {where}, of which the axis sets a number")
@@ -232,8 +234,8 @@ def _default(field: FieldInfo, name: str) -> Any:
 
 def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
     if not part.isdecimal() and is_model(entry) and "name" in entry.model_fields:
-        names = [(i, item.get("name")) for i, item in items(value)]
-        found = [i for i, known in names if known == part]
+        names = [(i, item.name) for i, item in items(value)]
+        found = [i for i, known in names if isinstance(known, str) and known == part]
         if not found:
             choices = [name.replace(part, known) for _, known in names if isinstance(known, str)]
             what = "mesh" if issubclass(entry, NamedToothMesh) else "entry"
@@ -258,28 +260,28 @@ def _mirrored(path: Path) -> tuple[Path, ...]:
     return (path, counterpart)
 
 
-def candidates(model: type[System], raw: dict[str, Any]) -> list[str]:
+def candidates(system: System) -> list[str]:
     """Names that an axis may have in this system, without the entries of matrices."""
-    names = ["mesh_frequency", *([INPUT_SPEED] if model.cycles_of_input(raw) is not None else [])]
+    names = ["mesh_frequency", *([INPUT_SPEED] if told(system.cycles_of_input) is not None else [])]
     for name, short in short_names().items():
         try:
-            _of_meshes(name, short, model, raw)
+            _of_meshes(name, short, system)
         except TargetError:
             continue
         names.append(name)
-    return names + list(_numbers(model, raw, ()))
+    return names + list(_numbers(type(system), system, ()))
 
 
 def _numbers(annotation: Any, raw: Any, path: Path) -> Iterator[str]:
     if number_kind(annotation):
         if raw is not None or not isinstance(path[-1], int):
             yield dotted(path)
-    elif is_model(annotation) and raw is not None:
+    elif is_model(annotation) and raw is not None and raw is not WRONG:
         for key, inner in field_types(annotation).items():
-            yield from _numbers(inner, raw.get(key), (*path, key))
-    elif isinstance(raw, list):
+            yield from _numbers(inner, raw[key], (*path, key))
+    elif isinstance(raw, list | tuple):
         for i, item in enumerate(raw):
-            if not isinstance(item, list):
+            if not isinstance(item, list | tuple):
                 name = value_at(item, ("name",))
                 name = name if isinstance(name, str) else i
                 yield from _numbers(entry_type(annotation, i), item, (*path, name))

@@ -16,6 +16,8 @@ from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, replaced
 from gearstab.config.model.fields import Quantity
 from gearstab.config.model.introspection import quantity
+from gearstab.config.model.reading import as_far_as_right
+from gearstab.config.sections.sweep import BaseValue, is_absent
 from gearstab.config.sections.targets import Target
 from gearstab.tolerance.design import groups_of
 from gearstab.tolerance.distributions import DISTRIBUTIONS, Distribution
@@ -120,8 +122,8 @@ def resolve(context: Context, section: Any) -> dict[str, list[Target]]:
     return {name: context.resolve(name, (*SECTION, "parameters", name)) for name in names}
 
 
-def base_values(context: Context, targets: Mapping[str, list[Target]]) -> Iterator[Path]:
-    """Give every parameter that has a distribution and no value the middle of it; yields where."""
+def base_values(context: Context, targets: Mapping[str, list[Target]]) -> Iterator[BaseValue]:
+    """Yield the middle of the distribution of every number that has one and no value."""
     document = context.document
     for name, found in targets.items():
         path = (*SECTION, "parameters", name)
@@ -130,9 +132,9 @@ def base_values(context: Context, targets: Mapping[str, list[Target]]) -> Iterat
             if len(numbers) < 2 or document.get((*path, "deviation")) is True:
                 continue
             for target in (own for own in found if own.paths[0] != MESH_FREQUENCY):
-                middle = numbers[len(numbers) // 2 if kind == "triangular" else 0]
-                if document.fill(place := ("system", *target.paths[0]), middle, document.where(path)):
-                    yield place
+                if is_absent(context, target.paths[0]):
+                    middle = numbers[len(numbers) // 2 if kind == "triangular" else 0]
+                    yield target.paths[0], as_far_as_right(target.annotation, middle), document.where(path)
 
 
 def uncertainties(

@@ -143,11 +143,11 @@ def _number(batch: Batch, path: tuple[str | int, ...]) -> Array:
 def _impossible(problem: DesignProblem, batch: Batch) -> Array:
     """Infinite for meshes that are soft to nothing and for teeth with faults that the given design has not."""
     fault = np.zeros(batch.system.rows)
-    if not batch.p.get("allow_negative_stiffness"):
+    if not batch.p.allow_negative_stiffness:
         for mesh in batch.system.meshes:
             soft = np.broadcast_to(np.asarray(mesh.lowest_stiffness) <= 0, fault.shape)
             fault = np.where(soft, np.inf, fault)
-    if batch.p.get("kind") == "gearbox":
+    if batch.p["kind"] == "gearbox":
         from gearstab.systems.gearbox.feasibility import notice_flags
 
         flags = notice_flags(batch.p).reshape(-1, len(batch.system.whole_meshes))

@@ -26,9 +26,8 @@ def phasing(problem: DesignProblem, designs: Array) -> dict[str, Any]:
 
     Source: Parker 2009, conclusion 2.
     """
-    p = problem.config.system
     varied = {item.path for v in problem.variables for item in v.axis.assignments}
-    if p.get("kind") != "planetary" or not any(path[0] in ("teeth", "planets", "phases") for path in varied):
+    if problem.config.kind != "planetary" or not any(path[0] in ("teeth", "planets", "phases") for path in varied):
         return {}
     steps, suppressed, driven = np.full(len(designs), -1), [""] * len(designs), [""] * len(designs)
     for k, design in enumerate(designs[:MOST]):

@@ -69,7 +69,7 @@ def with_range(field: Field, config: Config) -> Field:
     name = field.variable.name
     if config.design is None or name not in SPEEDS:
         return field
-    cycles = float(config.system.cycles_of_input(config.system) or 1.0)
+    cycles = float(config.system.cycles_of_input() or 1.0)
     ends = []
     for item in config.design.ranges:
         factor = 1.0 if item.of == name else cycles if item.of == INPUT_SPEED else 1 / cycles

@@ -22,6 +22,7 @@ from gearstab.rotation import Rotation
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
+from gearstab.systems.gearbox.bodies import Support
 from gearstab.systems.gearbox.loads import torques
 from gearstab.systems.gearbox.mesh import from_teeth
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet, TrainSetRows
@@ -45,11 +46,11 @@ def build(p: Any) -> GearSystem:
     symmetries = [row.cyclic() for row in rows if _cyclic(train, row)]
     meshes = [mesh for row in rows for mesh in _set_meshes(train, row)] + pairs
     assembly = Assembly(train.coordinates, elements, meshes)
-    rotations = tuple(_turning(train, row) for row in rows if row.item.p.get("carrier_speed") is not None)
+    rotations = tuple(_turning(train, row) for row in rows if row.item.p.carrier_speed is not None)
     system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries), rotations=rotations)
     system = replace(system, forces=(*system.forces, *_reliefs(train, system)))
     system = replace(system, meshes=tuple(_with_errors(train, system)))
-    whole = _rubbed(train, system, [rotors.number(item.p, "damping") for item in pairs])
+    whole = _rubbed(train, system, [rotors.number(item.p.damping) for item in pairs])
     return replace(whole, meshes=(*whole.meshes, *_weak_teeth(train, whole)))
 
 
@@ -57,12 +58,12 @@ def _with_errors(train: Train, system: GearSystem) -> Iterator[Mesh]:
     """Yield the meshes with what repeats with the revolutions of their gears; those of pairs come last."""
     first = len(system.meshes) - len(train.pairs)
     yield from system.meshes[:first]
-    for mesh, gears, p in zip(system.meshes[first:], train.pairs, train.p["meshes"] or (), strict=True):
+    for mesh, gears, p in zip(system.meshes[first:], train.pairs, train.p.meshes, strict=True):
         counts = {train.name(gear): train.teeth(gear) for gear in gears}
         errors = []
-        for item in p.get("revolution_errors") or []:
-            count = counts[item["gear"]]
-            name, ratio = f"{mesh.name}.{item['gear']}", Fraction(mesh.frequency_ratio) / count
+        for item in p.revolution_errors:
+            count = counts[item.gear]
+            name, ratio = f"{mesh.name}.{item.gear}", Fraction(mesh.frequency_ratio) / count
             errors.append(RevolutionError(name, Fourier.build(item), ratio, np.asarray(mesh.lag) / count))
         yield replace(mesh, revolution_errors=tuple(errors))
 
@@ -80,7 +81,7 @@ def _reliefs(train: Train, system: GearSystem) -> Iterator[PeriodicForce]:
 
 def _rows(train: Train, item: TrainSet) -> TrainSetRows:
     """Return how the bodies of a set move. Raises TrainError for members that move in two frames."""
-    if train.speeds[item.p["carrier"]] and (shared := train.shared(item)):
+    if train.speeds[item.p.carrier] and (shared := train.shared(item)):
         place: Where = ("rotors", train.place[shared[0]], "support")
         message = f"moves in the plane of {item.name}, which turns with its carrier, and is in another mesh as well"
         raise TrainError(place, message, "give that mesh a rotor of its own and join both by a shaft")
@@ -92,8 +93,8 @@ def _cyclic(train: Train, row: TrainSetRows) -> bool:
 
     A weak tooth of sun or ring meets all planets, one of a planet its own meshes only.
     """
-    spoilt = any(fault["gear"] == "planet" for fault in row.item.p.get("faults") or [])
-    return row.item.planets.get("angles") is None and not train.shared(row.item) and not spoilt
+    spoilt = any(fault.gear == "planet" for fault in row.item.p.faults)
+    return row.item.planets.angles is None and not train.shared(row.item) and not spoilt
 
 
 def _weak_teeth(train: Train, system: GearSystem) -> Iterator[Mesh]:
@@ -102,7 +103,7 @@ def _weak_teeth(train: Train, system: GearSystem) -> Iterator[Mesh]:
     found: dict[str, int] = {}
 
     def part(name: str, teeth: MeshTeeth, p: Any, fault: Any, count: int, cycles: int) -> Mesh:
-        whole, title = known[name], f"{name}.{fault['gear']} tooth {fault.get('tooth', 1)}"
+        whole, title = known[name], f"{name}.{fault.gear} tooth {fault.tooth}"
         found[title] = found.get(title, 0) + 1
         title += f" ({found[title]})" if found[title] > 1 else ""
         c, overlap = teeth.given_contact_ratio(p), teeth.each(lambda pair: pair.overlap_ratio)
@@ -111,18 +112,18 @@ def _weak_teeth(train: Train, system: GearSystem) -> Iterator[Mesh]:
             # The wave of helical teeth is that of the transverse section, averaged over the width.
             whole = replace(whole, waveform=Rectangular(c))
         one_pair = teeth.one_pair if computed else None
-        return weak_tooth(whole, title, count, fault["factor"], c, cycles, one_pair, overlap)
+        return weak_tooth(whole, title, count, fault.factor, c, cycles, one_pair, overlap)
 
     for item in train.sets:
         planets_turn, sun_drives, _ = train.power(item)
         for name, n, fault, cycles in item.weak_pairs(planets_turn, sun_drives):
             teeth = {"sun": item.teeth.sun, "ring": item.teeth.ring}[name]
-            count = item.counted(fault["gear"])
+            count = item.counted(fault.gear)
             yield part(f"{item.name}.{name}.{n}", teeth, teeth.p, fault, count, cycles)
     for k, gears in enumerate(train.pairs):
-        p, counts = train.p["meshes"][k], {train.name(gear): train.teeth(gear) for gear in gears}
-        for fault in p.get("faults") or []:
-            yield part(p["name"], train.teeth_of(k), p, fault, counts[fault["gear"]], int(fault.get("tooth", 1)) - 1)
+        p, counts = train.p.meshes[k], {train.name(gear): train.teeth(gear) for gear in gears}
+        for fault in p.faults:
+            yield part(p.name, train.teeth_of(k), p, fault, counts[fault.gear], fault.tooth - 1)
 
 
 def _turning(train: Train, rows: TrainSetRows) -> Rotation:
@@ -132,14 +133,14 @@ def _turning(train: Train, rows: TrainSetRows) -> Rotation:
         rotor = train.place[rows.item.p[member]]
         if rotor in train.supported:
             members[member] = (train.masses[rotor], _drag(train, rotor))
-    return rows.turning(members, train.driving * train.speeds[rows.item.p["carrier"]] / train.cycles)
+    return rows.turning(members, train.driving * train.speeds[rows.item.p.carrier] / train.cycles)
 
 
 def _drag(train: Train, rotor: int, key: str = "stiffness") -> Array:
     """The damping of a lateral or an axial support, 2 zeta sqrt(k m)."""
     support = train.rotors[rotor]["support"]
-    k = rotors.number(support, key)
-    return train.damping_factor * 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.masses[rotor])
+    k = rotors.number(support[key])
+    return train.damping_factor * 2 * rotors.number(support.damping_ratio) * np.sqrt(k * train.masses[rotor])
 
 
 def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
@@ -159,23 +160,25 @@ def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
         for n, mesh in zip(rows.numbers, known[k * item.count :], strict=False):
             along = {key: flank * value for key, value in rows.deflection(name, n, flank * angle).items()}
             lag = np.asarray(mesh.lag, dtype=float) + teeth.start
-            found = MeshElement(p | {"name": mesh.name}, along, train.frequency_ratio(mesh.motion), lag)
+            found = MeshElement(
+                p.model_copy(update={"name": mesh.name}), along, train.frequency_ratio(mesh.motion), lag
+            )
             yield _damped(train, found, 1 / mobility)
 
 
 def _damped(train: Train, found: MeshElement, mass: Array) -> MeshElement:
     """Return the mesh with its damping, c = 2 zeta sqrt(k m_e) (Kuria & Kihiu 2008). mass: m_e."""
     p = found.p
-    drag = rotors.number(p, "damping")
-    if p.get("damping_ratio") is not None:
-        drag = 2 * rotors.number(p, "damping_ratio") * np.sqrt(found.wave.mean_stiffness * mass)
+    drag = rotors.number(p.damping)
+    if p.damping_ratio is not None:
+        drag = 2 * rotors.number(p.damping_ratio) * np.sqrt(found.wave.mean_stiffness * mass)
     drag = train.damping_factor * drag
-    return replace(found, p=p | {"damping": drag if np.any(drag) else None})
+    return replace(found, p=p.model_copy(update={"damping": drag if np.any(drag) else None}))
 
 
 def _filled(train: Train, k: int) -> Any:
     """The parameters of a mesh with what its teeth give."""
-    p = train.p["meshes"][k]
+    p = train.p.meshes[k]
     if not from_teeth(p) and not train.teeth_of(k).helical:
         return p
     try:
@@ -202,16 +205,15 @@ def mesh_element(train: Train, k: int) -> MeshElement:
         turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])),
         train.slide(gears[0], -lead), train.slide(gears[1], lead),
     )  # fmt: skip
-    found = MeshElement(
-        p, row, train.frequency_ratio(train.motions[k]), rotors.number(p, "lag") + train.teeth_of(k).start
-    )
+    lag = rotors.number(p.lag) + train.teeth_of(k).start
+    found = MeshElement(p, row, train.frequency_ratio(train.motions[k]), lag)
     j1, j2 = (train.inertias[gear] for gear in gears)
     return _damped(train, found, j1 * j2 / (r1**2 * j2 + r2**2 * j1))
 
 
 def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
     """The system with the friction of its meshes."""
-    laws = [p.get("friction") for p in train.p["meshes"]]
+    laws = [p.friction for p in train.p.meshes]
     if not any(laws):
         return system
     forces = np.abs(friction.static_forces(system))
@@ -221,10 +223,8 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
         if law is None:
             continue
         teeth, gears = train.teeth_of(k), train.pairs[k]
-        plain = law.get("kind", "constant") == "constant"
-        speed = (
-            1.0 if plain else rotors.number(train.p["input"], "speed") * float(abs(train.speeds[train.name(gears[0])]))
-        )
+        plain = law.kind == "constant"
+        speed = 1.0 if plain else rotors.number(train.p.input.speed) * float(abs(train.speeds[train.name(gears[0])]))
         try:
             rubbing = teeth.friction(
                 law, np.asarray(speed), np.ones(()) if plain else forces[..., k - len(train.pairs)]
@@ -233,7 +233,7 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
             remedy = "change the teeth or the operating point"
             raise TrainError(("meshes", k, "friction"), error.message, remedy) from None
         arms = friction.arms(train, gears, rubbing, train.push(k), train.sense(k), teeth.pairs[0].wheel_drives)
-        item, follows = system.meshes[k - len(train.pairs)], bool(train.p["meshes"][k].get("damping_follows_stiffness"))
+        item, follows = system.meshes[k - len(train.pairs)], train.p.meshes[k].damping_follows_stiffness
         terms += friction.terms(item, rubbing, arms, drag[k], follows)
         pushes += friction.forces(item, rubbing, arms)
     return replace(system, terms=(*system.terms, *terms), forces=(*system.forces, *pushes))
@@ -241,22 +241,22 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
 
 def shaft_stiffness(train: Train, shaft: Any) -> Array:
     """k as given, or G pi (d^4 - d_i^4)/(32 l) of a round shaft, N m/rad."""
-    if shaft.get("stiffness") is not None:
-        return rotors.number(shaft, "stiffness")
-    polar = np.pi / 32 * (rotors.number(shaft, "diameter") ** 4 - rotors.number(shaft, "bore") ** 4)
+    if shaft.stiffness is not None:
+        return rotors.number(shaft.stiffness)
+    polar = np.pi / 32 * (rotors.number(shaft.diameter) ** 4 - rotors.number(shaft.bore) ** 4)
     if not np.all(polar > 0):
-        raise TrainError(("shafts", train.p["shafts"].index(shaft), "bore"), "leaves nothing of the shaft", "reduce it")
-    return np.asarray(train.material["shear"]) * polar / rotors.number(shaft, "length")
+        raise TrainError(("shafts", train.p.shafts.index(shaft), "bore"), "leaves nothing of the shaft", "reduce it")
+    return np.asarray(train.material["shear"]) * polar / rotors.number(shaft.length)
 
 
 def shaft_elements(train: Train) -> Iterator[Element]:
     """Yield the twist of every shaft, whose ends turn the same way; c = 2 zeta sqrt(k J_1 J_2/(J_1 + J_2))."""
-    for shaft in train.p.get("shafts") or []:
-        first, second = shaft["between"]
+    for shaft in train.p.shafts:
+        first, second = shaft.between
         j1, j2 = (train.inertias[train.place[end]] for end in (first, second))
         k = shaft_stiffness(train, shaft)
-        c = 2 * rotors.number(shaft, "damping_ratio") * np.sqrt(k * j1 * j2 / (j1 + j2))
-        yield Element({first: 1.0, second: -1.0}, 0.0, k, train.damping_factor * c, shaft["name"], MachineElement.SHAFT)
+        c = 2 * rotors.number(shaft.damping_ratio) * np.sqrt(k * j1 * j2 / (j1 + j2))
+        yield Element({first: 1.0, second: -1.0}, 0.0, k, train.damping_factor * c, shaft.name, MachineElement.SHAFT)
 
 
 def _bodies(train: Train) -> Iterator[Element]:
@@ -267,13 +267,13 @@ def _bodies(train: Train) -> Iterator[Element]:
 def _supports(train: Train) -> Iterator[Element]:
     """Yield mass and support of every rotor that moves in its plane or along its axis, and torsional supports."""
     for rotor, mass in train.masses.items():
-        k, axial = (rotors.number(train.rotors[rotor]["support"], key) for key in ("stiffness", "axial_stiffness"))
-        name = train.name(rotor)
+        support, name = train.rotors[rotor]["support"], train.name(rotor)
+        k, axial = rotors.number(support.stiffness), rotors.number(support.axial_stiffness)
         for way, along in (("x", (1.0, 0.0)), ("y", (0.0, 1.0))):
             yield Element(train.shift(rotor, along), mass, k, _drag(train, rotor), f"{name}.{way}")
         yield Element(train.slide(rotor, 1.0), mass, axial, _drag(train, rotor, "axial_stiffness"), f"{name}.z")
     for rotor, p in enumerate(train.rotors):
-        support = p.get("support") or {}
-        k = rotors.number(support, "torsional_stiffness")
-        c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.inertias[rotor])
+        support = p.get("support") or Support()
+        k = rotors.number(support.torsional_stiffness)
+        c = 2 * rotors.number(support.damping_ratio) * np.sqrt(k * train.inertias[rotor])
         yield Element(train.rotation(rotor), 0.0, k, train.damping_factor * c, train.name(rotor), MachineElement.SHAFT)

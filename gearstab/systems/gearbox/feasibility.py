@@ -54,7 +54,7 @@ def check_points(document: Document, grid: Grid[Any], questions: Sequence[tuple[
 
 def check_train(document: Document, grid: Grid[Any]) -> None:
     """Report the first point at which there is no such train."""
-    meshes = len(grid.system["meshes"]) + 2 * len(grid.system.get("planetary_sets") or [])
+    meshes = len(grid.system.meshes) + 2 * len(grid.system.planetary_sets)
     check_points(document, grid, ((built, MOST_TEETH // meshes), (_meshing, MOST_PAIRS // meshes)))
 
 
@@ -114,12 +114,12 @@ def built(grid: Grid[Any], at: dict[str, Any]) -> Found | None:
 
 def _place(p: Any, name: str) -> Path:
     """The section that describes a mesh of a system."""
-    if not isinstance(p["meshes"], list):
+    if not isinstance(p.meshes, list):
         return ("meshes", name.rstrip("0123456789"))
-    for k, item in enumerate(p.get("planetary_sets") or []):
-        if name.startswith(f"{item['name']}."):
+    for k, item in enumerate(p.planetary_sets):
+        if name.startswith(f"{item.name}."):
             return ("planetary_sets", k, "meshes", name.split(".")[-2])
-    return ("meshes", [mesh["name"] for mesh in p["meshes"]].index(name))
+    return ("meshes", [mesh.name for mesh in p.meshes].index(name))
 
 
 NOTICE_FLAGS = {

@@ -18,15 +18,15 @@ def torques(train: Any) -> dict[str, Array]:
     input torque follows from the outputs' where it is not given itself.
     """
     p = train.p
-    start, ends = p["input"]["rotor"], [item["rotor"] for item in p.get("outputs") or []]
+    start, ends = p.input.rotor, [item.rotor for item in p.outputs]
     speed = {end: float(abs(train.speeds[end])) for end in ends}
-    given = [item.get("torque") for item in p.get("outputs") or []]
-    if p["input"].get("torque") is None and all(value is None for value in given):
+    given = [item.torque for item in p.outputs]
+    if p.input.torque is None and all(value is None for value in given):
         return {}
     if all(value is not None for value in given):
         taken = {end: np.asarray(value, dtype=float) for end, value in zip(ends, given, strict=True)}
     else:
-        power = rotors.number(p["input"], "torque") / len(ends)
+        power = rotors.number(p.input.torque) / len(ends)
         taken = {end: power / speed[end] for end in ends}
     brought = sum((taken[end] * speed[end] for end in ends), np.zeros(()))
     return {start: np.asarray(brought)} | {end: -taken[end] for end in ends}
@@ -64,4 +64,4 @@ def _torque_per_reaction(train: Any, where: tuple[str | int, ...]) -> Array:
     applied = torques(train)
     if not applied:
         raise TrainError(where, "relief depends on the load, and there are no torques", "add torque to input")
-    return applied[train.p["input"]["rotor"]] / abs(float(train.reactions["input",]))
+    return applied[train.p.input.rotor] / abs(float(train.reactions["input",]))

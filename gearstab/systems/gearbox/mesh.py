@@ -7,7 +7,6 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.document.problems import nearest
 from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, within
 from gearstab.config.model.fields import (
     Choice,
@@ -18,7 +17,8 @@ from gearstab.config.model.fields import (
     Quantity,
     Section,
 )
-from gearstab.systems.parts.faults import Fault
+from gearstab.config.model.reading import WRONG, known
+from gearstab.systems.parts.faults import Fault, absent_gear, excluded
 from gearstab.systems.parts.forcing import GearError, TransmissionError
 from gearstab.systems.parts.mesh import Lag, NamedToothMesh, StiffnessOfTeeth, following_conflicts, given_by_teeth
 from gearstab.waveforms import WAVEFORMS
@@ -38,8 +38,10 @@ LUBRICATED = ("xu_kahraman", "benedict_kelley")
 
 POWERS = {"linear": 1, "parabolic": 2}
 """Forms of profile relief, and how its depth grows with the distance from where it begins."""
+MEANS = ("mean_stiffness", "max_stiffness", "stiffness_per_width")
+"""Ways to give the mean stiffness, of which a mesh takes one."""
 NOT_WITH_RELIEF = (
-    "mean_stiffness", "max_stiffness", "stiffness_per_width", "epsilon", "amplitude", "contact_ratio", "variation",
+    *MEANS, "epsilon", "amplitude", "contact_ratio", "variation",
     "friction", "backlash",
 )  # fmt: skip
 """Keys of a mesh whose place relief takes, or for which it is not computed."""
@@ -48,56 +50,51 @@ NOT_WITH_RELIEF = (
 class ProfileRelief(Section):
     """Material taken off the tips, or the roots, of both gears of a mesh."""
 
-    amount: Length = Field(title="amount of relief", description='C_a, at the end of the flank (m, "20 um").')
-    length: Length = Field(
-        title="length of relief", description='l, along the path of contact from the end of the flank (m, "2 mm").'
-    )
-    form: Annotated[str, Choice("form", tuple(POWERS))] = Field(
-        default="linear", title="form of relief", description="C_a (s/l)^p beyond its start: linear p = 1, parabolic 2."
-    )
+    amount: Length = Field(title="amount of relief")
+    """C_a, at the end of the flank (m, "20 um")."""
+    length: Length = Field(title="length of relief")
+    """l, along the path of contact from the end of the flank (m, "2 mm")."""
+    form: Annotated[str, Choice("form", tuple(POWERS))] = Field(default="linear", title="form of relief")
+    """C_a (s/l)^p beyond its start: linear p = 1, parabolic 2."""
 
 
 class MeshRelief(Section):
     """Profile relief, which makes the stiffness of a mesh depend on its load."""
 
-    tip: ProfileRelief | None = Field(default=None, title="tip relief", description="Of both gears.")
-    root: ProfileRelief | None = Field(default=None, title="root relief", description="Of both gears.")
+    tip: ProfileRelief | None = Field(default=None, title="tip relief")
+    """Of both gears."""
+    root: ProfileRelief | None = Field(default=None, title="root relief")
+    """Of both gears."""
 
 
 class TrainMeshKeys(StiffnessOfTeeth):
     """What a mesh of two gears and those of a planetary set take alike."""
 
-    damping_ratio: NonNegative | None = Field(
-        default=None,
-        title="damping ratio of the mesh",
-        description="zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping.",
-    )
+    damping_ratio: NonNegative | None = Field(default=None, title="damping ratio of the mesh")
+    """zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping."""
     stiffness_per_width: Annotated[float, Field(gt=0), Quantity("N/m^2")] | None = Field(
-        default=None,
-        title="mesh stiffness per face width",
-        description='c_gamma, the mean over the common face width (N/m^2, "20 N/(mm um)"); or give mean_stiffness.',
+        default=None, title="mesh stiffness per face width"
     )
-    relief: MeshRelief | None = Field(
-        default=None,
-        title="profile relief",
-        description="Stiffness, of the teeth, and transmission error are those under the given torques; none without.",
-    )
+    """c_gamma, the mean over the common face width (N/m^2, "20 N/(mm um)"); or give mean_stiffness."""
+    relief: MeshRelief | None = Field(default=None, title="profile relief")
+    """Stiffness, of the teeth, and transmission error are those under the given torques; none without."""
 
 
-def relief_conflicts(raw: dict[str, Any]) -> Iterator[Conflict]:
+def relief_conflicts(mesh: Any) -> Iterator[Conflict]:
     """Yield what does not go with the relief of a mesh."""
-    relief = raw.get("relief")
+    relief = mesh.relief
     if relief is None:
         return
-    if isinstance(relief, dict) and not {"tip", "root"} & {key for key, value in relief.items() if value is not None}:
+    if relief is not WRONG and relief.tip is None and relief.root is None:
         yield ("relief",), "missing", "takes nothing off", "add tip or root: {amount: 20 um, length: 2 mm}"
     for key in NOT_WITH_RELIEF:
-        if raw.get(key) is not None:
+        if getattr(mesh, key, None) is not None:
             yield (key,), "not_applicable", "is not available with relief", f"remove {key} or relief"
-    if raw.get("double_contact_factor") not in (None, 1):
+    factor = mesh.double_contact_factor
+    if factor is not WRONG and factor not in (None, 1):
         message = "is not available with relief, which needs the stiffness of each pair by itself"
         yield ("double_contact_factor",), "not_applicable", message, "remove it, or relief"
-    wave = (raw.get("waveform") or {}).get("kind", "rectangular")
+    wave = mesh.waveform.kind
     if wave not in ("rectangular", "tooth"):
         message = f"relief changes the wave of the teeth, which {wave} is none of"
         yield ("waveform", "kind"), "not_applicable", message, "choose tooth or rectangular, or remove relief"
@@ -107,32 +104,25 @@ class Friction(Section):
     """Sliding friction between the teeth of a mesh."""
 
     kind: Annotated[str, Choice("law of friction", tuple(FRICTIONS))] = Field(
-        default="constant",
-        title="law of friction",
-        description="constant; xu_kahraman (2007) and benedict_kelley (1961) for lubricated teeth.",
+        default="constant", title="law of friction"
     )
-    coefficient: NonNegative | None = Field(
-        default=None, title="coefficient of friction", description="constant: mu (1)."
-    )
-    viscosity: Annotated[float, Field(gt=0), Quantity("Pa s")] | None = Field(
-        default=None, title="viscosity", description='Dynamic, of the oil at the inlet (Pa s, "10 mPa s").'
-    )
-    roughness: NonNegativeLength | None = Field(
-        default=None, title="roughness", description='Of the flanks, root mean square (m, "0.4 um").'
-    )
+    """constant; xu_kahraman (2007) and benedict_kelley (1961) for lubricated teeth."""
+    coefficient: NonNegative | None = Field(default=None, title="coefficient of friction")
+    """constant: mu (1)."""
+    viscosity: Annotated[float, Field(gt=0), Quantity("Pa s")] | None = None
+    """Dynamic, of the oil at the inlet (Pa s, "10 mPa s")."""
+    roughness: NonNegativeLength | None = None
+    """Of the flanks, root mean square (m, "0.4 um")."""
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """The keys of its law and no others."""
-        kind = raw.get("kind", "constant")
-        needed = FRICTIONS.get(kind)
-        if needed is None:
-            return
+        kind = self.kind
+        needed = FRICTIONS[kind]
         for key in needed:
-            if raw.get(key) is None:
+            if self[key] is None:
                 yield (key,), "missing", "is missing", f"add {key}, which {kind} friction needs"
         for key in ("coefficient", "viscosity", "roughness"):
-            if raw.get(key) is not None and key not in needed:
+            if self[key] is not None and key not in needed:
                 yield (key,), "not_applicable", f"{kind} friction takes no {key}", "remove it, or choose another law"
 
 
@@ -141,89 +131,82 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
 
     misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}
 
-    gears: Annotated[list[NameText], Field(min_length=2, max_length=2)] = Field(
-        title="gears", description="Names of the driver and of the driven gear."
-    )
-    position: Annotated[float, Quantity("rad")] = Field(
-        default=0.0,
-        title="position of the driven gear",
-        description="psi: angle of the line from the driver's centre to the driven gear's (rad, \"90 deg\").",
-    )
-    centre_distance: Length | None = Field(
-        default=None, title="centre distance", description="C (m); that of a mesh without backlash, if not given."
-    )
-    lag: Lag = Field(
-        default=0.0, title="mesh lag", description="A pair of teeth enters this fraction of the mesh period late (1)."
-    )
+    gears: Annotated[list[NameText], Field(min_length=2, max_length=2)]
+    """Names of the driver and of the driven gear."""
+    position: Annotated[float, Quantity("rad")] = Field(default=0.0, title="position of the driven gear")
+    """psi: angle of the line from the driver's centre to the driven gear's (rad, "90 deg")."""
+    centre_distance: Length | None = None
+    """C (m); that of a mesh without backlash, if not given."""
+    lag: Lag = Field(default=0.0, title="mesh lag")
+    """A pair of teeth enters this fraction of the mesh period late (1)."""
     reduction: Annotated[str, Choice("reduction", ("levels", "peak-to-peak", "first harmonic"))] = Field(
-        default="levels",
-        title="reduction of the teeth's stiffness",
-        description="What a rectangular wave keeps of it: levels, the mean with fewer and with more pairs in contact; "
-        "its peak-to-peak; or its first harmonic.",
+        default="levels", title="reduction of the teeth's stiffness"
     )
-    friction: Friction | None = Field(default=None, title="friction", description="Between the teeth; none without.")
-    faults: list[Fault] = Field(default=[], title="faults", description="Weak teeth of either gear.")
-    revolution_errors: list[GearError] = Field(
-        default=[], title="errors of revolutions", description="Eccentricity and pitch errors of either gear."
-    )
+    """What a rectangular wave keeps of it: levels, the mean with fewer and with more pairs in contact; its peak-to-
+    peak; or its first harmonic."""
+    friction: Friction | None = None
+    """Between the teeth; none without."""
+    faults: list[Fault] = Field(default=[])
+    """Weak teeth of either gear."""
+    revolution_errors: list[GearError] = Field(default=[], title="errors of revolutions")
+    """Eccentricity and pitch errors of either gear."""
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self, from_teeth: bool = True) -> Iterator[Conflict]:
         """Each quantity once; a wave that is complete where the teeth do not give it."""
-        yield from at_most_one(raw, ("mean_stiffness", "max_stiffness", "stiffness_per_width"))
-        yield from at_most_one(raw, ("epsilon", "amplitude"))
-        yield from at_most_one(raw, ("damping", "damping_ratio"))
-        yield from shape_conflicts(raw)
-        yield from given_by_teeth(raw)
+        yield from at_most_one(self, MEANS)
+        yield from at_most_one(self, ("epsilon", "amplitude"))
+        yield from at_most_one(self, ("damping", "damping_ratio"))
+        yield from shape_conflicts(self)
+        yield from given_by_teeth(self)
         yield from following_conflicts(
-            raw, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"
+            self, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"
         )
-        yield from within(raw, "transmission_error", TransmissionError.conflicts)
-        if raw.get("friction") is not None and raw.get("backlash"):
+        yield from within(self, "transmission_error", TransmissionError.conflicts)
+        if self.friction is not None and self.backlash:
             yield (
                 ("backlash",),
                 "not_applicable",
                 "is not available with friction between the teeth",
                 "keep one of the two",
             )
-        yield from within(raw, "friction", Friction.conflicts)
-        yield from revolution_conflicts(raw)
-        yield from relief_conflicts(raw)
+        yield from within(self, "friction", Friction.conflicts)
+        yield from known(self._of_revolutions())
+        yield from relief_conflicts(self)
+
+    def _of_revolutions(self) -> Iterator[Conflict]:
+        """Errors of revolutions of gears that are in the mesh, with harmonics, and what goes with them."""
+        errors = items(self.revolution_errors)
+        for k, item in errors:
+            rules = (*known(absent_gear(item, self.gears)), *known(item.conflicts()))
+            yield from below("revolution_errors", below(k, rules))
+        if errors:
+            keys = ("friction", "backlash", "relief", "damping_follows_stiffness")
+            yield from excluded(self, keys, "revolution_errors")
 
 
-def revolution_conflicts(raw: dict[str, Any]) -> Iterator[Conflict]:
-    """Yield errors of gears that are not in the mesh, without harmonics, and what does not go with them."""
-    gears = [name for _, name in items(raw.get("gears")) if isinstance(name, str)]
-    for k, item in items(raw.get("revolution_errors")):
-        gear = item.get("gear")
-        if isinstance(gear, str) and gear not in gears:
-            message, place = f"'{gear}' is no gear of this mesh", ("revolution_errors", k, "gear")
-            yield place, "unknown_name", message, nearest(gear, gears)
-        waves = {key: value for key, value in item.items() if key != "gear"}
-        yield from below("revolution_errors", below(k, GearError.conflicts(waves)))
-        for key in ("friction", "backlash", "relief", "damping_follows_stiffness"):
-            if raw.get(key):
-                yield (key,), "not_applicable", "is not available with revolution_errors", "keep one of the two"
+def per_width(p: Any) -> Any:
+    """Return the given stiffness per face width of a mesh, None also of a mesh that takes none."""
+    return getattr(p, "stiffness_per_width", None)
 
 
 def from_teeth(p: Any) -> frozenset[str]:
     """Return which of MEAN, VARIATION, CONTACT_RATIO, WAVE the teeth of a mesh with these parameters give."""
-    wave = WAVEFORMS[(p.get("waveform") or {}).get("kind", "rectangular")]
+    wave = WAVEFORMS[p.waveform.kind]
     if wave.of_teeth:
         return frozenset((MEAN, VARIATION, CONTACT_RATIO, WAVE))
     found = set()
-    own = has_own_mean(p) or p.get("mean_stiffness") is not None or p.get("max_stiffness") is not None
-    if not own or p.get("stiffness_per_width") is not None:
+    own = has_own_mean(p) or p.mean_stiffness is not None or p.max_stiffness is not None
+    if not own or per_width(p) is not None:
         found.add(MEAN)
-    if not wave.own_variation and p.get("epsilon") is None and p.get("amplitude") is None:
+    if not wave.own_variation and p.epsilon is None and p.amplitude is None:
         found.add(VARIATION)
-    if wave.has_contact_ratio and p.get("contact_ratio") is None:
+    if wave.has_contact_ratio and p.contact_ratio is None:
         found.add(CONTACT_RATIO)
     return frozenset(found)
 
 
 def needs_width(p: Any) -> bool:
     """Whether the face widths of the gears of a mesh matter."""
-    rubs = (p.get("friction") or {}).get("kind", "constant") != "constant"
-    measured = p.get("single_pair_stiffness") is not None and p.get("stiffness_per_width") is None
+    rubs = getattr(p, "friction", None) is not None and p.friction.kind != "constant"
+    measured = p.single_pair_stiffness is not None and per_width(p) is None
     return rubs or (MEAN in from_teeth(p) and not measured)

@@ -21,6 +21,7 @@ from gearstab.rotation import Rotation
 from gearstab.system import Array, Cyclic
 from gearstab.systems.assembly import Coordinates, Element, Row, total
 from gearstab.systems.gearbox import rotors
+from gearstab.systems.gearbox.set_sections import Planets, SetFault, SetPhases
 from gearstab.systems.kinematics import MeshMotion, TrainError, Where
 from gearstab.systems.planetary.angles import ASSEMBLE, FIT, angles_of
 from gearstab.systems.planetary.feasibility import assembly
@@ -48,7 +49,7 @@ class TrainSet:
 
     @property
     def name(self) -> str:
-        return str(self.p["name"])
+        return str(self.p.name)
 
     @property
     def planet(self) -> str:
@@ -56,16 +57,16 @@ class TrainSet:
         return f"{self.name}.planet"
 
     @property
-    def planets(self) -> dict[str, Any]:
-        return dict(self.p["planets"])
+    def planets(self) -> Planets:
+        return self.p.planets
 
     @property
     def count(self) -> int:
-        return int(self.planets["count"])
+        return int(self.planets.count)
 
     def counted(self, gear: str) -> int:
         """Number of teeth of ``sun``, ``ring`` or ``planet``."""
-        return int((self.planets if gear == "planet" else self.rotors[gear])["teeth"])
+        return int(self.planets.teeth if gear == "planet" else self.rotors[gear]["teeth"])
 
     @property
     def body(self) -> dict[str, str]:
@@ -80,8 +81,7 @@ class TrainSet:
         if sun.get("hand") is not None:
             planet["hand"] = rotors.other(sun["hand"])  # the ring's is that of its rotor
         gears = {"sun": sun, "planet": planet, "ring": self.rotors["ring"]}
-        meshes = {name: (self.p.get("meshes") or {}).get(name) or {} for name in ("sun", "ring")}
-        return SetTeeth(gears, meshes, self.material, self.p.get("centre_distance"), lambda: self.force(self))
+        return SetTeeth(gears, dict(self.p.meshes), self.material, self.p.centre_distance, lambda: self.force(self))
 
     @contextmanager
     def told(self) -> Iterator[None]:
@@ -96,7 +96,7 @@ class TrainSet:
     @cached_property
     def motions(self) -> tuple[MeshMotion, MeshMotion]:
         """How sun and planet, planet and ring turn."""
-        body, carrier = self.body, self.p["carrier"]
+        body, carrier = self.body, self.p.carrier
         first, second = ((body[a], body[b]) for a, b in (("sun", "planet"), ("planet", "ring")))
         z = {gear: self.counted(gear) for gear in ("sun", "planet", "ring")}
         return (
@@ -107,7 +107,7 @@ class TrainSet:
     @property
     def angles(self) -> list[Array]:
         """psi_1..psi_N."""
-        return angles_of({"planets": self.count, "angles": self.planets.get("angles")})
+        return angles_of(self.count, self.planets.angles)
 
     @property
     def turns(self) -> list[Fraction | Array]:
@@ -116,7 +116,7 @@ class TrainSet:
         Raises TrainError where teeth do not fit.
         """
         sun, ring = self.counted("sun"), self.counted("ring")
-        if self.planets.get("angles") is None:
+        if self.planets.angles is None:
             for _, _, message, remedy in assembly(sun, self.counted("planet"), ring, self.count):
                 raise TrainError((*self.where, "planets", "teeth"), message, remedy)
             return [Fraction(n, self.count) for n in range(self.count)]
@@ -139,13 +139,13 @@ class TrainSet:
         planets_turn: sigma, 1 for planets that turn counter-clockwise on the carrier, else -1.
         """
         sun = [-planets_turn * self.counted("sun") * turn % 1 for turn in self.turns]
-        phases = self.p.get("phases") or {}
+        phases = self.p.phases or SetPhases()
         with self.told():
-            between = self.teeth.lag(phases.get("rule") or "entry", sun_drives)
-        between = between if phases.get("sun_ring") is None else rotors.number(phases, "sun_ring")
+            between = self.teeth.lag(phases.rule or "entry", sun_drives)
+        between = between if phases.sun_ring is None else rotors.number(phases.sun_ring)
         return {"sun": [*sun], "ring": [(np.asarray(lag, dtype=float) + between) % 1 for lag in sun]}
 
-    def weak_pairs(self, planets_turn: int, sun_drives: bool) -> Iterator[tuple[str, int, dict[str, Any], int]]:
+    def weak_pairs(self, planets_turn: int, sun_drives: bool) -> Iterator[tuple[str, int, SetFault, int]]:
         """Yield every mesh, ``sun`` or ``ring`` and the planet's number, in which a weak tooth carries, and when.
 
         That is the section of the fault, and the number of cycles that its pair enters after the start of the wave of
@@ -154,12 +154,12 @@ class TrainSet:
         both meshes.
         """
         lags, turns = self.lags(planets_turn, sun_drives), self.turns
-        for fault in self.p.get("faults") or []:
-            gear, first = fault["gear"], int(fault.get("tooth", 1)) - 1
+        for fault in self.p.faults:
+            gear, first = fault.gear, fault.tooth - 1
             if gear == "planet":
-                n = int(fault.get("planet") or 1)
+                n = fault.planet or 1
                 meets = {"sun": 0.0, "ring": self.counted("planet") / 2 + (-0.5 if sun_drives else 0.5)}
-                wanted = ("sun", "ring") if fault["kind"] == "crack" else (fault.get("flank") or "sun",)
+                wanted = ("sun", "ring") if fault.kind == "crack" else (fault.flank or "sun",)
                 for name in wanted:
                     after = meets[name] + _first(lags["sun"][n - 1]) - _first(lags[name][n - 1])
                     yield name, n, fault, round(after) + first
@@ -172,7 +172,7 @@ class TrainSet:
     @property
     def coordinates(self) -> dict[str, str]:
         """Coordinates of the planets and their units."""
-        ways = (".radial", ".tangential") if self.planets.get("support") is not None else ()
+        ways = (".radial", ".tangential") if self.planets.support is not None else ()
         planets = [f"{self.planet} {n + 1}" for n in range(self.count)]
         return {f"{planet}{way}": "m" if way else "rad" for planet in planets for way in ("", *ways)}
 
@@ -230,23 +230,25 @@ class TrainSetRows(SetRows):
         """Yield masses and bearings of the planets. factor: of all damping."""
         with self.item.told():
             mass, inertia = self.item.teeth.body("planet")
-        support: dict[str, Any] = self.item.planets.get("support") or {}
+        support = self.item.planets.support
         yield Element(self.slide("carrier", 1.0), mass=self.planets * np.asarray(mass))
         for n in self.numbers:
             yield Element({self.name(f"planet{n}"): 1.0}, mass=inertia)
             for along in ((1.0, 0.0), (0.0, 1.0)):
                 yield Element(self.shift(f"planet{n}", *along), mass=mass)
-            for way, row in zip(("radial", "tangential"), self.bearing(n) if support else (), strict=False):
-                k = rotors.number(support, "stiffness")
-                c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * mass)
+            if support is None:
+                continue
+            for way, row in zip(("radial", "tangential"), self.bearing(n), strict=True):
+                k = rotors.number(support.stiffness)
+                c = 2 * rotors.number(support.damping_ratio) * np.sqrt(k * mass)
                 yield Element(row, stiffness=k, damping=factor * c, name=f"{self.name(f'planet{n}')}.{way}")
 
     def turning(self, members: Mapping[str, tuple[Any, Any]], ratio: Fraction) -> Rotation:
         """Return the terms of the carrier's speed. members: mass and damping to the housing of those that move."""
         mass, _ = self.item.teeth.body("planet")
-        support = self.item.planets.get("support")
+        support = self.item.planets.support
         bodies = {**members, **{f"planet{n}": (mass, 0.0) for n in self.numbers}}
-        bearing = None if support is None else rotors.number(support, "stiffness")
+        bearing = None if support is None else rotors.number(support.stiffness)
         return self.of_frame(self.coordinates, bodies, bearing, ratio)
 
     def cyclic(self) -> Cyclic:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from gearstab.config.document.problems import Path, nearest
-from gearstab.config.document.tree import mapping
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict, below, items, within_each
+from gearstab.config.model.conflicts import Conflict, items, within_each
 from gearstab.config.model.fields import (
     AngularFrequency,
     Choice,
@@ -20,20 +19,20 @@ from gearstab.config.model.fields import (
     Quantity,
     Section,
 )
-from gearstab.system import GearSystem
+from gearstab.config.model.reading import WRONG, known
+from gearstab.system import Array, GearSystem
 from gearstab.systems.base import Start, System
 from gearstab.systems.gearbox.bodies import Material, Rotor, Shaft, Teeth
 from gearstab.systems.gearbox.build import build
 from gearstab.systems.gearbox.feasibility import check_train
-from gearstab.systems.gearbox.mesh import LUBRICATED, GearboxMesh
+from gearstab.systems.gearbox.mesh import LUBRICATED, Friction, GearboxMesh
 from gearstab.systems.gearbox.missing import missing_of_teeth
 from gearstab.systems.gearbox.rotors import moves, slides, turns
-from gearstab.systems.gearbox.set_sections import PlanetarySet, complete_angles, set_fault_conflicts
+from gearstab.systems.gearbox.set_sections import PlanetarySet, by_name, complete_angles, set_fault_conflicts
 from gearstab.systems.gearbox.set_sections import conflicts as set_conflicts
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.parts.faults import fault_conflicts
 from gearstab.systems.parts.mesh import ToothMesh
-from gearstab.systems.planetary.feasibility import MOST_PLANETS, whole
 
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Grid
@@ -44,37 +43,30 @@ Torque = Annotated[float, Field(gt=0), Quantity("N m")]
 class Input(Section):
     """Input of the train."""
 
-    rotor: NameText = Field(
-        title="input rotor", description="Name of the rotor that drives the train, where power enters it."
-    )
-    torque: Torque | None = Field(
-        default=None, title="input torque", description="On the input rotor (N m); follows from the outputs' without."
-    )
-    speed: AngularFrequency | None = Field(
-        default=None,
-        title="nominal speed",
-        description='Of the input rotor, for friction (rad/s, "1500 rpm"); sweeps set it by the axis input_speed.',
-    )
+    rotor: NameText = Field(title="input rotor")
+    """Name of the rotor that drives the train, where power enters it."""
+    torque: Torque | None = Field(default=None, title="input torque")
+    """On the input rotor (N m); follows from the outputs' without."""
+    speed: AngularFrequency | None = Field(default=None, title="nominal speed")
+    """Of the input rotor, for friction (rad/s, "1500 rpm"); sweeps set it by the axis input_speed."""
     sense: Annotated[str, Choice("sense", ("counter-clockwise", "clockwise"))] = Field(
-        default="counter-clockwise", title="sense of rotation", description="Of the input rotor, seen along z."
+        default="counter-clockwise", title="sense of rotation"
     )
+    """Of the input rotor, seen along z."""
 
 
 class Output(Section):
     """Where power leaves the train."""
 
-    rotor: NameText = Field(title="output rotor", description="Name of the rotor that is loaded.")
-    torque: Torque | None = Field(
-        default=None,
-        title="output torque",
-        description="It takes (N m); without, the outputs share the input's power equally.",
-    )
+    rotor: NameText = Field(title="output rotor")
+    """Name of the rotor that is loaded."""
+    torque: Torque | None = Field(default=None, title="output torque")
+    """It takes (N m); without, the outputs share the input's power equally."""
 
 
 class Gearbox(System):
     """A train of rotors, shafts and meshes: rotations, and displacements where rotors have a support."""
 
-    mesh_model: ClassVar[type[ToothMesh]] = GearboxMesh
     needs_units: ClassVar[bool] = True
 
     start: ClassVar[Start | None] = Start(
@@ -102,25 +94,27 @@ class Gearbox(System):
         {"input_speed": ({"start": "300 rpm", "stop": "9000 rpm", "num": 301}, "of the motor")},
     )  # fmt: skip
 
-    kind: Literal["gearbox"] = Field(title="kind of system", description="A multistage gearbox, from its teeth.")
-    gears: Teeth = Field(
-        default=Teeth(), title="gears", description="What all gears share: basic profile and face width."
-    )
-    material: Material = Field(default=Material(), title="material", description="Of gears and shafts.")
-    rotors: Annotated[list[Rotor], Field(min_length=2)] = Field(title="rotors", description="Gears and inertias.")
-    shafts: list[Shaft] = Field(default=[], title="shafts", description="Torsional springs between rotors.")
-    planetary_sets: list[PlanetarySet] = Field(
-        default=[], title="planetary sets", description="A sun, planets on a carrier and a ring each."
-    )
-    meshes: list[GearboxMesh] = Field(
-        default=[], title="meshes", description="Pairs of gears, the driver first; optional with planetary sets."
-    )
-    input: Input = Field(title="input", description="The rotor that drives the train.")
-    outputs: list[Output] = Field(default=[], title="outputs", description="The rotors that are loaded.")
+    kind: Literal["gearbox"] = Field(title="kind of system")
+    """A multistage gearbox, from its teeth."""
+    gears: Teeth = Teeth()
+    """What all gears share: basic profile and face width."""
+    material: Material = Material()
+    """Of gears and shafts."""
+    rotors: Annotated[list[Rotor], Field(min_length=2)]
+    """Gears and inertias."""
+    shafts: list[Shaft] = Field(default=[])
+    """Torsional springs between rotors."""
+    planetary_sets: list[PlanetarySet] = Field(default=[])
+    """A sun, planets on a carrier and a ring each."""
+    meshes: list[GearboxMesh] = Field(default=[])
+    """Pairs of gears, the driver first; optional with planetary sets."""
+    input: Input
+    """The rotor that drives the train."""
+    outputs: list[Output] = Field(default=[])
+    """The rotors that are loaded."""
 
-    damping_factor: NonNegative = Field(
-        default=1.0, title="damping factor", description="On the damping of meshes, shafts and supports (1)."
-    )
+    damping_factor: NonNegative = 1.0
+    """On the damping of meshes, shafts and supports (1)."""
 
     def equations(self) -> GearSystem:
         """See :func:`gearstab.systems.gearbox.build.build`."""
@@ -129,16 +123,15 @@ class Gearbox(System):
     def train(self) -> Train:
         return Train(self)
 
-    @classmethod
-    def mesh_places(cls, raw: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
+    def mesh_places(self) -> Iterator[tuple[Path, ToothMesh]]:
         """Yield those of the sets, which may be described by their teeth alone, too."""
-        for k, item in items(raw.get("planetary_sets")):
-            for name in ("sun", "ring"):
-                yield ("planetary_sets", k, "meshes", name), mapping(mapping(mapping(item).get("meshes")).get(name))
-        yield from super().mesh_places(raw)
+        for k, item in items(self.planetary_sets):
+            for name, mesh in items(item.meshes):
+                yield ("planetary_sets", k, "meshes", name), mesh
+        yield from super().mesh_places()
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
+    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
         """Write out the angles of planets that are to be assembled."""
         complete_angles(document, raw)
 
@@ -146,142 +139,127 @@ class Gearbox(System):
         """See :func:`gearstab.systems.gearbox.feasibility.check_train`."""
         check_train(document, grid)
 
-    @classmethod
-    def size(cls, raw: dict[str, Any]) -> int | None:
-        turning = cls.turning(raw)
-        return None if turning is None else len(turning)
+    def size(self) -> int | None:
+        return len(self.turning())
 
-    @classmethod
-    def turning(cls, raw: dict[str, Any]) -> list[bool] | None:
-        rotors, sets = ([item for _, item in items(raw.get(key))] for key in ("rotors", "planetary_sets"))
-        if not rotors or len(rotors) < len(raw["rotors"]):
-            return None
-        held = {item.get(str(item.get("held"))) for item in sets}
-        found = [True for rotor in rotors if turns(rotor, rotor.get("name") in held)]
-        found += [False for rotor in rotors if moves(rotor) for _ in "xy"]
-        found += [False for rotor in rotors if slides(rotor)]
-        for planets in (item.get("planets") or {} for item in sets):
-            if not whole(planets.get("count"), 3, MOST_PLANETS):
-                return None
-            each = [True] if planets.get("support") is None else [True, False, False]
-            found += each * int(planets["count"])
+    def turning(self) -> list[bool]:
+        held = {item[str(item.held)] for item in self.planetary_sets if item.held is not None}
+        found = [True for rotor in self.rotors if turns(rotor.support, rotor.name in held)]
+        found += [False for rotor in self.rotors if moves(rotor.support) for _ in "xy"]
+        found += [False for rotor in self.rotors if slides(rotor.support)]
+        for item in self.planetary_sets:
+            found += ([True] if item.planets.support is None else [True, False, False]) * int(item.planets.count)
         return found
 
-    @classmethod
-    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+    def cycles_of_input(self) -> float | None:
         """Teeth times speed of the first mesh's driver over that of the input."""
-        train = Train(raw)
         try:
-            return float(train.cycles)
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+            return float(Train(self).cycles)
+        except (ArithmeticError, LookupError, TypeError, ValueError):
             return 1.0  # something is wrong with the train, which is reported
 
-    @classmethod
-    def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
+    def follow_speed(self) -> list[Path]:
         """The speed of ``input``, where the friction of lubricated teeth depends on it."""
-        laws = [mesh.get("friction") or {} for _, mesh in items(raw.get("meshes"))]
-        lubricated = any(law.get("kind") in LUBRICATED for law in laws)
-        return [("input", "speed")] if lubricated and raw.get("input") else []
+        laws = [mesh.friction for _, mesh in items(self.meshes) if mesh.friction is not None]
+        return [("input", "speed")] if any(law.kind in LUBRICATED for law in laws) else []
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """Names that exist, gears that can mesh, a train that hangs together and turns."""
-        yield from super().conflicts(raw)
-        if raw.get("units") == "none":
+        yield from super().conflicts()
+        if self.units == "none":
             yield ("units",), "not_applicable", "a gearbox is computed from its teeth, in SI units", "remove it"
-        shared = {key for key, value in (raw.get("gears") or {}).items() if value is not None}
-        yield from within_each(raw, "rotors", Rotor.conflicts)
-        yield from within_each(raw, "shafts", Shaft.conflicts)
-        yield from _names(raw)
-        yield from set_conflicts(raw)
-        yield from missing_of_teeth(raw, shared)
-        yield from _loaded(raw)
-        yield from _torques(raw)
-        yield from _faults(raw)
+        yield from within_each(self, "rotors", Rotor.conflicts)
+        yield from within_each(self, "shafts", Shaft.conflicts)
+        rules = (self._own_names, self._named_rotors, lambda: set_conflicts(self), lambda: missing_of_teeth(self))
+        for rule in (*rules, self._loaded, self._torques, self._faults):
+            yield from known(rule())
 
+    def _own_names(self) -> Iterator[Conflict]:
+        """Each rotor, shaft and set has a name of its own."""
+        if not self.meshes and not self.planetary_sets:
+            yield ("meshes",), "missing", "is missing", "add a mesh of two gears, or planetary_sets"
+        for section in ("rotors", "shafts", "planetary_sets"):
+            names = Counter(item.name for _, item in items(self[section]) if isinstance(item.name, str))
+            for i, item in items(self[section]):
+                if isinstance(item.name, str) and names[item.name] > 1:
+                    names[item.name] = 0
+                    message = f"two {section.replace('_', ' ')} are called '{item.name}'"
+                    yield (section, i, "name"), "repeated_name", message, "give each a name of its own"
 
-def _names(raw: dict[str, Any]) -> Iterator[Conflict]:
-    """Each rotor and shaft has a name of its own; shafts, meshes, input and outputs name rotors that exist."""
-    if not raw.get("meshes") and not raw.get("planetary_sets"):
-        yield ("meshes",), "missing", "is missing", "add a mesh of two gears, or planetary_sets"
-    for section in ("rotors", "shafts", "planetary_sets"):
-        names = Counter(item.get("name") for _, item in items(raw.get(section)))
-        for i, item in items(raw.get(section)):
-            if item.get("name") is not None and names[item["name"]] > 1:
-                names[item["name"]] = 0
-                message = f"two {section.replace('_', ' ')} are called '{item['name']}'"
-                yield (section, i, "name"), "repeated_name", message, "give each a name of its own"
-    rotors = {rotor["name"]: rotor for _, rotor in items(raw.get("rotors")) if isinstance(rotor.get("name"), str)}
-    if not rotors or len(rotors) < len(items(raw.get("rotors"))):
-        return  # one of two equal names was meant otherwise, which others may refer to
-    named: list[tuple[Path, Any, bool]] = [(("input", "rotor"), (raw.get("input") or {}).get("rotor"), False)]
-    named += [(("outputs", i, "rotor"), item.get("rotor"), False) for i, item in items(raw.get("outputs"))]
-    for section, key in (("shafts", "between"), ("meshes", "gears")):
-        for i, item in items(raw.get(section)):
-            ends = item.get(key)
-            named += [((section, i, key, k), name, section == "meshes") for k, name in items(ends)]
-            if ends and len(ends) == 2 and ends[0] == ends[1]:
-                yield (section, i, key), "inconsistent", f"joins '{ends[0]}' to itself", "name two different rotors"
-    for path, name, geared in named:
-        if isinstance(name, str) and name not in rotors:
-            yield path, "unknown_name", f"there is no rotor '{name}'", nearest(name, rotors)
-        elif isinstance(name, str) and geared and rotors[name].get("teeth") is None:
-            yield path, "not_applicable", f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
+    def _named_rotors(self) -> Iterator[Conflict]:
+        """Shafts, meshes, input and outputs name rotors that exist."""
+        rotors = by_name(self)
+        if rotors is None:
+            return  # one of two equal names was meant otherwise, which others may refer to
+        named: list[tuple[Path, Any, bool]] = (
+            [] if self.input is WRONG else [(("input", "rotor"), self.input.rotor, False)]
+        )
+        named += [(("outputs", i, "rotor"), item.rotor, False) for i, item in items(self.outputs)]
+        for section, key in (("shafts", "between"), ("meshes", "gears")):
+            for i, item in items(self[section]):
+                ends = items(item[key])
+                named += [((section, i, key, k), name, section == "meshes") for k, name in ends]
+                if len(ends) == 2 and ends[0][1] == ends[1][1]:
+                    yield (
+                        (section, i, key),
+                        "inconsistent",
+                        f"joins '{ends[0][1]}' to itself",
+                        "name two different rotors",
+                    )
+        for path, name, geared in named:
+            if isinstance(name, str) and name not in rotors:
+                yield path, "unknown_name", f"there is no rotor '{name}'", nearest(name, rotors)
+            elif isinstance(name, str) and geared and rotors[name].teeth is None:
+                yield path, "not_applicable", f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
 
+    def _loaded(self) -> Iterator[Conflict]:
+        """The friction of lubricated teeth depends on speed and load, relief on the load."""
+        torques = [self.input.torque, *(item.torque for _, item in items(self.outputs))]
+        unloaded = all(torque is None for torque in torques)
+        for place, mesh in self.mesh_places():
+            friction, relief = (getattr(mesh, key, None) for key in ("friction", "relief"))
+            if friction is not None:
+                for path, code, message, hint in known(self._lubricated(friction, unloaded)):
+                    yield (*place, *path), code, message, hint
+            if relief is not None and unloaded:
+                message = "what relief does depends on the load, and there are no torques"
+                yield (*place, "relief"), "needs_other", message, "add a torque to input, and outputs, or remove relief"
 
-def _faults(raw: dict[str, Any]) -> Iterator[Conflict]:
-    """Weak teeth that there are, of gears that are in the mesh."""
-    counts = {rotor.get("name"): rotor.get("teeth") for _, rotor in items(raw.get("rotors"))}
-    for i, mesh in items(raw.get("meshes")):
-        gears = [name for _, name in items(mesh.get("gears"))]
-        yield from below("meshes", below(i, fault_conflicts(mesh, gears, counts)))
-    for i, item in items(raw.get("planetary_sets")):
-        planets = item.get("planets") or {}
-        teeth = {gear: counts.get(item.get(gear)) for gear in ("sun", "ring")} | {"planet": planets.get("teeth")}
-        yield from below("planetary_sets", below(i, set_fault_conflicts(item, teeth, planets.get("count"))))
+    def _faults(self) -> Iterator[Conflict]:
+        """Weak teeth that there are, of gears that are in the mesh."""
+        counts = {rotor.name: rotor.teeth for _, rotor in items(self.rotors) if isinstance(rotor.name, str)}
+        yield from within_each(self, "meshes", lambda mesh: fault_conflicts(mesh, mesh.gears, counts))
+        yield from within_each(self, "planetary_sets", lambda item: set_fault_conflicts(item, counts))
 
-
-def _loaded(raw: dict[str, Any]) -> Iterator[Conflict]:
-    """The friction of lubricated teeth depends on speed and load, relief on the load."""
-    driving = raw.get("input") or {}
-    torques = [item.get("torque") for item in (driving, *(item for _, item in items(raw.get("outputs"))))]
-    unloaded = all(torque is None for torque in torques)
-    for place, mesh in Gearbox.mesh_places(raw):
-        kind = (mesh.get("friction") or {}).get("kind")
-        if kind in LUBRICATED and driving.get("speed") is None:
+    def _lubricated(self, friction: Friction, unloaded: bool) -> Iterator[Conflict]:
+        kind = friction.kind
+        if kind in LUBRICATED and self.input.speed is None:
             message = f"{kind} friction depends on the speed, which is missing"
-            yield (*place, "friction"), "needs_other", message, "add speed to input, or choose constant friction"
+            yield ("friction",), "needs_other", message, "add speed to input, or choose constant friction"
         if kind in LUBRICATED and unloaded:
             message = f"{kind} friction depends on the load, and there are no torques"
-            remedy = "add torques to input or outputs, or choose constant friction"
-            yield (*place, "friction"), "needs_other", message, remedy
-        if mesh.get("relief") is not None and unloaded:
-            message = "what relief does depends on the load, and there are no torques"
-            yield (*place, "relief"), "needs_other", message, "add a torque to input, and outputs, or remove relief"
+            hint = "add torques to input or outputs, or choose constant friction"
+            yield ("friction",), "needs_other", message, hint
 
-
-def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
-    """Torques that balance: of all outputs, or of the input alone."""
-    outputs = [(i, item.get("torque")) for i, item in items(raw.get("outputs"))]
-    given = [i for i, torque in outputs if torque is not None]
-    driving = (raw.get("input") or {}).get("torque")
-    if given and len(given) < len(outputs):
-        missing = next(i for i, torque in outputs if torque is None)
-        yield ("outputs", missing, "torque"), "missing", "is missing", "give every output a torque, or none"
-    if given and driving is not None:
-        message = "follows from the torques of the outputs"
-        yield ("input", "torque"), "already_given", message, "remove it, or the torques of the outputs"
-    seen = {(raw.get("input") or {}).get("rotor"): "the input"}
-    for i, item in items(raw.get("outputs")):
-        name = item.get("rotor")
-        if name is not None and name in seen:
-            message = f"rotor '{name}' is {seen[name]} already"
-            yield ("outputs", i, "rotor"), "already_given", message, "name another rotor, or add the torques up"
-        seen.setdefault(name, "an output")
-    for i, item in items(raw.get("planetary_sets")):
-        name = item.get(str(item.get("held")))
-        if name is not None and name in seen:
-            message = f"rotor '{name}' is {seen[name]}, which turns"
-            yield ("planetary_sets", i, "held"), "inconsistent", message, "hold another member"
-    if driving is not None and not outputs:
-        yield ("outputs",), "missing", "are missing", "name the rotors that take the torque"
+    def _torques(self) -> Iterator[Conflict]:
+        """Torques that balance: of all outputs, or of the input alone."""
+        outputs = items(self.outputs)
+        given = [i for i, item in outputs if item.torque is not None]
+        if given and len(given) < len(outputs):
+            missing = next(i for i, item in outputs if item.torque is None)
+            yield ("outputs", missing, "torque"), "missing", "is missing", "give every output a torque, or none"
+        if given and self.input.torque is not None:
+            message = "follows from the torques of the outputs"
+            yield ("input", "torque"), "already_given", message, "remove it, or the torques of the outputs"
+        if self.input.torque is not None and not outputs:
+            yield ("outputs",), "missing", "are missing", "name the rotors that take the torque"
+        seen = {self.input.rotor: "the input"}
+        for i, item in outputs:
+            if item.rotor in seen:
+                message = f"rotor '{item.rotor}' is {seen[item.rotor]} already"
+                yield ("outputs", i, "rotor"), "already_given", message, "name another rotor, or add the torques up"
+            seen.setdefault(item.rotor, "an output")
+        for i, item in items(self.planetary_sets):
+            if item.held is not None and item[str(item.held)] in seen:
+                message = f"rotor '{item[str(item.held)]}' is {seen[item[str(item.held)]]}, which turns"
+                yield ("planetary_sets", i, "held"), "inconsistent", message, "hold another member"

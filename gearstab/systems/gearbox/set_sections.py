@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.document.problems import Path, nearest
+from gearstab.config.document.problems import nearest
 from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, wrong_length
+from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, within_each, wrong_length
 from gearstab.config.model.fields import (
     Choice,
     Count,
@@ -28,13 +28,14 @@ from gearstab.config.model.fields import (
     Whole,
     also,
 )
-from gearstab.systems.gearbox.bodies import Support, Teeth
-from gearstab.systems.gearbox.mesh import TrainMeshKeys, relief_conflicts
+from gearstab.config.model.reading import WRONG, known, told
+from gearstab.systems.gearbox.bodies import Rotor, Support, Teeth
+from gearstab.systems.gearbox.mesh import MEANS, TrainMeshKeys, relief_conflicts
 from gearstab.systems.parts.faults import Fault, fault_conflicts
 from gearstab.systems.parts.mesh import Named, ToothMesh
 from gearstab.systems.planetary import angles
 from gearstab.systems.planetary.angles import ASSEMBLE
-from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, whole
+from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly
 from gearstab.systems.planetary.phasing import RULES
 
 MEMBERS = ("sun", "ring", "carrier")
@@ -46,31 +47,24 @@ FAULTY = ("sun", "planet", "ring")
 class Planets(Teeth):
     """The equal planets of a set; what is not given of their teeth is that of the sun's."""
 
-    count: Annotated[Fraction, Count(of="planets"), Field(le=MOST_PLANETS)] = Field(
-        title="number of planets", description="N >= 3, equally spaced without angles."
-    )
-    teeth: ToothCount = Field(title="teeth of a planet", description="z_p.")
+    count: Annotated[Fraction, Count(of="planets"), Field(le=MOST_PLANETS)] = Field(title="number of planets")
+    """N >= 3, equally spaced without angles."""
+    teeth: ToothCount = Field(title="teeth of a planet")
+    """z_p."""
     angles: list[Annotated[float, Quantity("rad")]] | None = Field(
-        default=None,
-        title="angle of a planet",
-        description="psi_n (rad, or with a unit), or assemble: the nearest to equal ones at which the teeth fit.",
-        json_schema_extra=also({"const": ASSEMBLE}),
+        default=None, title="angle of a planet", json_schema_extra=also({"const": ASSEMBLE})
     )
-    profile_shift: Number | None = Field(
-        default=None, title="profile shift", description="x, in modules (1); closes the backlash without."
-    )
-    mass: Mass | None = Field(default=None, title="mass of a planet", description="(kg); that of its disc without.")
-    inertia: Inertia | None = Field(
-        default=None, title="moment of inertia of a planet", description="(kg m^2); that of its disc without."
-    )
-    bore_radius: NonNegativeLength | None = Field(
-        default=None, title="radius of the bore", description="Of a planet's disc (m)."
-    )
-    support: Support | None = Field(
-        default=None,
-        title="planet bearing",
-        description="Between each planet and the carrier; without, the planets' centres are fixed on it.",
-    )
+    """psi_n (rad, or with a unit), or assemble: the nearest to equal ones at which the teeth fit."""
+    profile_shift: Number | None = None
+    """x, in modules (1); closes the backlash without."""
+    mass: Mass | None = Field(default=None, title="mass of a planet")
+    """(kg); that of its disc without."""
+    inertia: Inertia | None = Field(default=None, title="moment of inertia of a planet")
+    """(kg m^2); that of its disc without."""
+    bore_radius: NonNegativeLength | None = Field(default=None, title="radius of the bore")
+    """Of a planet's disc (m)."""
+    support: Support | None = Field(default=None, title="planet bearing")
+    """Between each planet and the carrier; without, the planets' centres are fixed on it."""
 
 
 class SetMesh(ToothMesh, TrainMeshKeys):
@@ -85,138 +79,134 @@ class SetMesh(ToothMesh, TrainMeshKeys):
 class SetMeshes(Section):
     """Both kinds of meshes of a set."""
 
-    sun: SetMesh = Field(default=SetMesh(), title="sun's meshes", description="Each planet with the sun.")
-    ring: SetMesh = Field(default=SetMesh(), title="ring's meshes", description="Each planet with the ring.")
+    sun: SetMesh = Field(default=SetMesh(), title="sun's meshes")
+    """Each planet with the sun."""
+    ring: SetMesh = Field(default=SetMesh(), title="ring's meshes")
+    """Each planet with the ring."""
 
 
 class SetPhases(Section):
     """The lag of the ring's meshes behind the sun's; the others follow from the teeth."""
 
-    sun_ring: Turns | None = Field(
-        default=None, title="phase of the ring's meshes", description="gamma_sr (1); from teeth by the rule without."
-    )
-    rule: Annotated[str, Choice("rule", tuple(RULES))] | None = Field(
-        default=None,
-        title="rule of the ring's lag",
-        description="gamma_sr from entry to entry, the default, or from pitch_point to pitch_point.",
-    )
+    sun_ring: Turns | None = Field(default=None, title="phase of the ring's meshes")
+    """gamma_sr (1); from teeth by the rule without."""
+    rule: Annotated[str, Choice("rule", tuple(RULES))] | None = Field(default=None, title="rule of the ring's lag")
+    """gamma_sr from entry to entry, the default, or from pitch_point to pitch_point."""
 
 
 class SetFault(Fault):
     """A weak tooth of a gear of a set."""
 
-    gear: Annotated[str, Choice("gear of a set", FAULTY)] = Field(title="gear", description="sun, planet or ring.")
-    planet: Annotated[int, Field(ge=1), Whole] | None = Field(
-        default=None, title="number of the planet", description="Of a weak tooth of a planet, from 1; 1 without."
-    )
-    flank: Annotated[str, Choice("mesh", ("sun", "ring"))] | None = Field(
-        default=None, title="flank with the pit", description="That in the sun's mesh or the ring's; sun without."
-    )
+    gear: Annotated[str, Choice("gear of a set", FAULTY)]
+    """sun, planet or ring."""
+    planet: Annotated[int, Field(ge=1), Whole] | None = Field(default=None, title="number of the planet")
+    """Of a weak tooth of a planet, from 1; 1 without."""
+    flank: Annotated[str, Choice("mesh", ("sun", "ring"))] | None = Field(default=None, title="flank with the pit")
+    """That in the sun's mesh or the ring's; sun without."""
+
+    def of_planets(self, count: Fraction) -> Iterator[Conflict]:
+        """A planet and a flank only of teeth of planets, of which there are ``count``."""
+        for key in ("planet", "flank"):
+            if self[key] is not None and self.gear != "planet":
+                yield (key,), "not_applicable", f"a tooth of the {self.gear} has none", "remove it"
+        if self.gear == "planet" and self.flank is not None and self.kind == "crack":
+            yield ("flank",), "not_applicable", "a crack weakens both flanks", "remove it, or kind: pit"
+        if self.planet is not None and self.planet > count:
+            yield ("planet",), "out_of_range", f"there are {count} planets", f"write 1 to {count}"
 
 
 class PlanetarySet(Named):
     """A sun, planets on a carrier and a ring; each member is a rotor of the train."""
 
-    sun: NameText = Field(title="sun", description="Name of its rotor, an external gear.")
-    ring: NameText = Field(title="ring", description="Name of its rotor, an internal gear.")
-    carrier: NameText = Field(title="carrier", description="Name of its rotor.")
-    held: Annotated[str, Choice("held member", MEMBERS)] | None = Field(
-        default=None, title="held member", description="sun, ring or carrier, if one of them does not turn."
-    )
-    planets: Planets = Field(title="planets", description="Equal planets on the carrier.")
-    centre_distance: Length | None = Field(
-        default=None,
-        title="centre distance",
-        description="a (m); that of the profile shifts of sun and planet, else m (z_s + z_r)/4 without.",
-    )
-    meshes: SetMeshes = Field(default=SetMeshes(), title="meshes", description="Of the sun and of the ring.")
-    carrier_speed: Annotated[str, Choice("carrier speed", ("from_teeth",))] | None = Field(
-        default=None,
-        title="carrier speed",
-        description="from_teeth: with the gyroscopic and centripetal terms of the turning carrier; none without.",
-    )
-    phases: SetPhases | None = Field(
-        default=None, title="mesh phases", description="How far the ring's meshes lag the sun's."
-    )
-    faults: list[SetFault] = Field(default=[], title="faults", description="Weak teeth of sun, planets and ring.")
+    sun: NameText
+    """Name of its rotor, an external gear."""
+    ring: NameText
+    """Name of its rotor, an internal gear."""
+    carrier: NameText
+    """Name of its rotor."""
+    held: Annotated[str, Choice("held member", MEMBERS)] | None = Field(default=None, title="held member")
+    """sun, ring or carrier, if one of them does not turn."""
+    planets: Planets
+    """Equal planets on the carrier."""
+    centre_distance: Length | None = None
+    """a (m); that of the profile shifts of sun and planet, else m (z_s + z_r)/4 without."""
+    meshes: SetMeshes = SetMeshes()
+    """Of the sun and of the ring."""
+    carrier_speed: Annotated[str, Choice("carrier speed", ("from_teeth",))] | None = None
+    """from_teeth: with the gyroscopic and centripetal terms of the turning carrier; none without."""
+    phases: SetPhases | None = Field(default=None, title="mesh phases")
+    """How far the ring's meshes lag the sun's."""
+    faults: list[SetFault] = Field(default=[])
+    """Weak teeth of sun, planets and ring."""
 
 
-def conflicts(raw: dict[str, Any]) -> Iterator[Conflict]:
-    """Yield what contradicts itself in the ``planetary_sets`` of a section ``system``."""
-    rotors = {rotor["name"]: rotor for _, rotor in items(raw.get("rotors")) if isinstance(rotor.get("name"), str)}
-    known = len(rotors) == len(items(raw.get("rotors"))) > 0
-    for k, item in items(raw.get("planetary_sets")):
-        found = [*(_members(item, rotors) if known else ()), *_meshes(item)]
-        if not found:
-            found = list(_teeth(item, rotors))
+def by_name(box: Any) -> dict[str, Rotor] | None:
+    """Return the rotors by name; None where there are none, one has no name, or two have the same."""
+    rotors = {rotor.name: rotor for _, rotor in items(box.rotors) if isinstance(rotor.name, str)}
+    return rotors if len(rotors) == len(items(box.rotors)) > 0 else None
+
+
+def conflicts(box: Any) -> Iterator[Conflict]:
+    """Yield what contradicts itself in the planetary sets."""
+    rotors = by_name(box)
+    for k, item in items(box.planetary_sets):
+        found = [*(() if rotors is None else known(_members(item, rotors))), *_meshes(item)]
+        if not found and rotors is not None:
+            found = list(known(_teeth(item, rotors)))
         yield from below("planetary_sets", below(k, found))
 
 
-def _members(item: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[Conflict]:
+def _members(item: PlanetarySet, rotors: dict[str, Rotor]) -> Iterator[Conflict]:
     """Three different rotors, an external and an internal gear among them."""
-    seen: dict[Any, str] = {}
+    seen: dict[str, str] = {}
     for member in MEMBERS:
-        name = item.get(member)
+        name = item[member]
         if not isinstance(name, str):
             continue
         if name in seen:
             yield (member,), "inconsistent", f"'{name}' is the {seen[name]} already", "name another rotor"
         elif name not in rotors:
             yield (member,), "unknown_name", f"there is no rotor '{name}'", nearest(name, rotors)
-        elif member != "carrier" and rotors[name].get("teeth") is None:
+        elif member != "carrier" and rotors[name].teeth is None:
             yield (member,), "not_applicable", f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
-        elif member != "carrier" and bool(rotors[name].get("internal")) != (member == "ring"):
+        elif member != "carrier" and rotors[name].internal != (member == "ring"):
             kind = "an internal" if member == "ring" else "an external"
             yield (member,), "inconsistent", f"rotor '{name}' is not {kind} gear", "set or remove internal: true there"
         seen[name] = member
 
 
-def _meshes(item: dict[str, Any]) -> Iterator[Conflict]:
-    meshes = item.get("meshes") or {}
-    for name in ("sun", "ring"):
-        if (mesh := meshes.get(name)) is not None:
-            place: Path = ("meshes", name)
-            wrong = [*SetMesh.conflicts_of(mesh, True), *at_most_one(mesh, ("damping", "damping_ratio"))]
-            wrong += at_most_one(mesh, ("mean_stiffness", "max_stiffness", "stiffness_per_width"))
-            wrong += relief_conflicts(mesh)
-            yield from (((*place, *path), code, message, hint) for path, code, message, hint in wrong)
-    phases = item.get("phases") or {}
-    if phases.get("rule") is not None and phases.get("sun_ring") is not None:
+def _meshes(item: PlanetarySet) -> Iterator[Conflict]:
+    for name, mesh in items(item.meshes):
+        wrong = [*known(mesh.conflicts(True)), *known(at_most_one(mesh, ("damping", "damping_ratio")))]
+        wrong += [*known(at_most_one(mesh, MEANS)), *known(relief_conflicts(mesh))]
+        yield from below("meshes", below(name, wrong))
+    phases = item.phases
+    if phases is not None and phases is not WRONG and phases.rule is not None and phases.sun_ring is not None:
         yield ("phases", "rule"), "already_given", "sun_ring is given already", "keep one of sun_ring and rule"
 
 
-def _teeth(item: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[Conflict]:
+def _teeth(item: PlanetarySet, rotors: dict[str, Rotor]) -> Iterator[Conflict]:
     """Yield what keeps planets of known teeth from being assembled."""
-    planets = item.get("planets") or {}
-    count: Any = planets.get("count")
-    psi = planets.get("angles")
-    if whole(count, 3, MOST_PLANETS) and isinstance(psi, list):
-        yield from below("planets", wrong_length(planets, "angles", int(count), "planet"))
-    numbers: list[Any] = [rotors.get(item.get(name, ""), {}).get("teeth") for name in ("sun", "ring")]
-    numbers.append(planets.get("teeth"))
-    if "support" in planets and (planets["support"] or {}).get("stiffness") is None:
+    planets = item.planets
+    yield from below("planets", wrong_length(planets, "angles", int(planets.count), "planet"))
+    if "support" in planets.model_fields_set and (planets.support is None or planets.support.stiffness is None):
         yield ("planets", "support", "stiffness"), "missing", "is missing", "add stiffness (N/m), or remove support"
-    if not all(whole(number, 4, 10**6) for number in numbers):
-        return
-    sun, ring, planet = map(int, numbers)
-    if psi is not None:
-        return  # their units are read later
-    for path, code, message, hint in assembly(sun, planet, ring, count):
+    sun, ring = rotors[item.sun].teeth, rotors[item.ring].teeth
+    if planets.angles is not None or sun is None or ring is None:
+        return  # the fit of given angles is looked at where the train is built
+    for path, code, message, hint in assembly(int(sun), int(planets.teeth), int(ring), planets.count):
         yield ("planets", path[-1] if path[-1] == "angles" else "teeth"), code, message, hint
 
 
-def set_fault_conflicts(raw: dict[str, Any], teeth: dict[str, Any], count: Any) -> Iterator[Conflict]:
-    """Yield what contradicts itself in the ``faults`` of a set. teeth: by gear; count: of planets."""
-    yield from fault_conflicts(raw, FAULTY, teeth)
-    for k, item in items(raw.get("faults")):
-        of_planet, planet = item.get("gear") == "planet", item.get("planet")
-        for key in ("planet", "flank"):
-            if item.get(key) is not None and not of_planet:
-                yield ("faults", k, key), "not_applicable", f"a tooth of the {item.get('gear')} has none", "remove it"
-        if of_planet and item.get("flank") is not None and item.get("kind", "crack") == "crack":
-            yield ("faults", k, "flank"), "not_applicable", "a crack weakens both flanks", "remove it, or kind: pit"
-        if type(planet) is int and whole(count, 1, MOST_PLANETS) and planet > int(count):
-            yield ("faults", k, "planet"), "out_of_range", f"there are {int(count)} planets", f"write 1 to {int(count)}"
+def set_fault_conflicts(item: PlanetarySet, teeth: Mapping[str, Fraction | None]) -> Iterator[Conflict]:
+    """Yield what contradicts itself in the ``faults`` of a set. teeth: of the rotors, by name."""
+    counts = {
+        "sun": told(lambda: teeth.get(item.sun)),
+        "planet": told(lambda: item.planets.teeth),
+        "ring": told(lambda: teeth.get(item.ring)),
+    }
+    yield from fault_conflicts(item, FAULTY, counts)
+    yield from within_each(item, "faults", lambda fault: fault.of_planets(item.planets.count))
 
 
 def complete_angles(document: Document, raw: dict[str, Any]) -> None:

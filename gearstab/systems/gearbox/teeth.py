@@ -24,7 +24,7 @@ from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, contact
 from gearstab.gears.pair import Pair
 from gearstab.gears.relief import FlankRelief, LoadedMesh, Relief, loaded_mesh
 from gearstab.system import Array
-from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, POWERS, VARIATION, WAVE, from_teeth
+from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, POWERS, VARIATION, WAVE, from_teeth, per_width
 from gearstab.systems.gearbox.rotors import number
 from gearstab.waveforms import WAVEFORMS, Fourier, Helical, Tooth
 from gearstab.waveforms.tooth import Piecewise, stacked
@@ -54,19 +54,19 @@ class MeshTeeth:
         """Batch shape, and for each of its entries all numbers that matter, by name."""
         table: dict[tuple[str, str], Array] = {}
         for side, gear in zip(("driver", "driven"), self.gears, strict=True):
-            table[side, "helix_angle"] = number(gear, "helix_angle")
+            table[side, "helix_angle"] = number(gear.get("helix_angle"))
             for name, default in OF_GEAR.items():
                 if gear.get(name) is not None or default is not None:
-                    table[side, name] = number(gear, name, default or 0.0)
+                    table[side, name] = number(gear.get(name), default or 0.0)
         for name in OF_MATERIAL:
             table["material", name] = np.asarray(self.material[name], dtype=float)
         for name in ("centre_distance", "double_contact_factor", "single_pair_stiffness", "variation"):
-            if self.p.get(name) is not None:
-                table["mesh", name] = number(self.p, name)
+            if getattr(self.p, name, None) is not None:
+                table["mesh", name] = number(self.p[name])
         if self.relieved:
             table["mesh", "force"] = self.force
             for flank, part in self._flanks.items():
-                table |= {(flank, key): number(part, key) for key in ("amount", "length")}
+                table |= {(flank, key): number(part[key]) for key in ("amount", "length")}
         arrays = dict(zip(table, np.broadcast_arrays(*table.values()), strict=True))
         shape = next(iter(arrays.values())).shape
         flat = {key: values.ravel() for key, values in arrays.items()}
@@ -101,7 +101,7 @@ class MeshTeeth:
     @property
     def _flanks(self) -> dict[str, Any]:
         """The sections of relief, of ``tip`` and ``root``."""
-        return held(self.p.get("relief"))
+        return held(getattr(self.p, "relief", None))
 
     @property
     def relieved(self) -> bool:
@@ -117,7 +117,7 @@ class MeshTeeth:
     @property
     def helical(self) -> bool:
         """Whether a gear has a helix angle."""
-        return any(np.any(number(gear, "helix_angle")) for gear in self.gears)
+        return any(np.any(number(gear.get("helix_angle"))) for gear in self.gears)
 
     @property
     def lead(self) -> Array:
@@ -155,9 +155,7 @@ class MeshTeeth:
     def _relief(self, numbers: Numbers) -> Relief:
         """Relief of both gears alike."""
         flanks = {
-            f"{gear}_{flank}": FlankRelief(
-                numbers[flank, "amount"], numbers[flank, "length"], POWERS[part.get("form") or "linear"]
-            )
+            f"{gear}_{flank}": FlankRelief(numbers[flank, "amount"], numbers[flank, "length"], POWERS[part.form])
             for flank, part in self._flanks.items()
             for gear in ("pinion", "wheel")
         }
@@ -171,7 +169,7 @@ class MeshTeeth:
     @property
     def start(self) -> Array:
         """The phase at which a rectangular wave begins; 0 of other waves, and where contact does not depend on load."""
-        if not self.relieved or (self.p.get("waveform") or {}).get("kind", "rectangular") != "rectangular":
+        if not self.relieved or self.p.waveform.kind != "rectangular":
             return np.zeros(())
         return self.of_stiffness(lambda mesh: mesh.start)
 
@@ -194,27 +192,27 @@ class MeshTeeth:
         """Return the section of the mesh with what the teeth give: mean stiffness, epsilon, contact ratio and wave."""
         p: dict[str, Any] = {}
         wanted = from_teeth(self.p)
-        kind = (self.p.get("waveform") or {}).get("kind", "rectangular")
+        kind = self.p.waveform.kind
         rectangular = WAVEFORMS[kind].has_contact_ratio
-        if self.p.get("stiffness_per_width") is not None:
-            p["mean_stiffness"] = number(self.p, "stiffness_per_width") * self.each(lambda pair: pair.face_width)
+        if per_width(self.p) is not None:
+            p["mean_stiffness"] = number(per_width(self.p)) * self.each(lambda pair: pair.face_width)
         elif MEAN in wanted:
             p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
         if CONTACT_RATIO in wanted and rectangular:
             p["contact_ratio"] = self.contact_ratio
         if VARIATION in wanted:
-            keep = self.p.get("reduction", "levels")
+            keep: Any = getattr(self.p, "reduction", "levels")
             p["epsilon"] = self.of_stiffness(lambda mesh: (mesh.rectangular(keep) if rectangular else mesh).epsilon)
         if kind == "rectangular" and self.helical:
-            ratio = p.get("contact_ratio", self.p.get("contact_ratio"))
+            ratio = p.get("contact_ratio", self.p.contact_ratio)
             p["wave"] = Helical(ratio, self.each(lambda pair: pair.overlap_ratio))
         elif WAVE in wanted:
             p["wave"] = self.wave()
-        return self.p | p
+        return self.p.model_copy(update=p)
 
     def wave(self) -> Tooth | Fourier:
         """The wave of the computed stiffness, or its first harmonics."""
-        harmonics = (self.p.get("waveform") or {}).get("harmonics")
+        harmonics = self.p.waveform.harmonics
         ratio = None if self.relieved else self.each(lambda pair: pair.total_contact_ratio)
         whole = Tooth(stacked([mesh.curve for mesh in self.stiffness], self.batch), ratio)
         if harmonics is None:
@@ -222,9 +220,9 @@ class MeshTeeth:
         pairs = [whole.fourier(s) for s in range(1, int(harmonics) + 1)]
         return Fourier(*(np.stack([pair[side] for pair in pairs], axis=-1) for side in (0, 1)))
 
-    def given_contact_ratio(self, p: dict[str, Any]) -> Array:
+    def given_contact_ratio(self, p: Any) -> Array:
         """Return the contact ratio that a mesh with these parameters gives, else that of the teeth."""
-        given = p.get("contact_ratio")
+        given = p.contact_ratio
         return self.each(lambda pair: pair.contact_ratio) if given is None else np.asarray(given, dtype=float)
 
     def one_pair(self, x: Array, cycle: Array) -> Array:
@@ -257,12 +255,12 @@ def _laws(law: Any, shape: tuple[int, ...]) -> Iterator[FrictionLaw]:
     """The law of friction for each entry of a batch; oil in cP and roughness in um, as the regressions have them."""
 
     def flat(name: str, unit: float = 1.0) -> Array:
-        return np.broadcast_to(number(law, name) / unit, shape).ravel()
+        return np.broadcast_to(number(law[name]) / unit, shape).ravel()
 
-    if law.get("kind", "constant") == "constant":
+    if law.kind == "constant":
         yield from (ConstantFriction(float(level)) for level in flat("coefficient"))
         return
-    kind = XuKahraman if law["kind"] == "xu_kahraman" else BenedictKelley
+    kind = XuKahraman if law.kind == "xu_kahraman" else BenedictKelley
     for viscosity, roughness in zip(flat("viscosity", 1e-3), flat("roughness", 1e-6), strict=True):
         yield kind(float(viscosity), float(roughness))
 

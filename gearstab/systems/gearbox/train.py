@@ -48,13 +48,13 @@ class Train:
     @cached_property
     def rotors(self) -> list[dict[str, Any]]:
         """Gears with what they share, and the hand of each where one is helical."""
-        shared, own = held(self.p.get("gears")), [held(rotor) for rotor in self.p["rotors"]]
+        shared, own = held(self.p.gears), [held(rotor) for rotor in self.p.rotors]
         found = [shared | rotor if rotors.is_gear(rotor) else rotor for rotor in own]
         if all(rotor.get("helix_angle") is None for rotor in found):
             return found
         place = {rotor["name"]: k for k, rotor in enumerate(own)}
-        mates = [(place[item["sun"]], place[item["ring"]], False) for item in self.p.get("planetary_sets") or []]
-        for one, two in ([place[name] for name in mesh["gears"]] for mesh in self.p.get("meshes") or []):
+        mates = [(place[item.sun], place[item.ring], False) for item in self.p.planetary_sets]
+        for one, two in ([place[name] for name in mesh.gears] for mesh in self.p.meshes):
             mates.append((one, two, bool(own[one].get("internal") or own[two].get("internal"))))
         return [rotor | {"hand": hand} for rotor, hand in zip(found, rotors.hands(found, mates), strict=True)]
 
@@ -67,7 +67,7 @@ class Train:
     def sets(self) -> list[TrainSet]:
         """The planetary sets."""
         found = []
-        for k, p in enumerate(self.p.get("planetary_sets") or []):
+        for k, p in enumerate(self.p.planetary_sets):
             members = {member: self.rotors[self.place[p[member]]] for member in MEMBERS}
             found.append(TrainSet(p, members, self.material, ("planetary_sets", k), partial(set_force, self)))
         return found
@@ -75,18 +75,15 @@ class Train:
     @cached_property
     def pairs(self) -> list[tuple[int, int]]:
         """(driver, driven) of each mesh of a pair of gears."""
-        return [
-            (self.place[first], self.place[second])
-            for first, second in (p["gears"] for p in self.p.get("meshes") or [])
-        ]
+        return [(self.place[first], self.place[second]) for first, second in (p.gears for p in self.p.meshes)]
 
     @property
     def damping_factor(self) -> Array:
-        return rotors.number(self.p, "damping_factor", 1.0)
+        return rotors.number(self.p.damping_factor)
 
     @property
     def material(self) -> dict[str, Any]:
-        return rotors.STEEL | held(self.p.get("material"))
+        return rotors.STEEL | held(self.p.material)
 
     def internal(self, pair: int) -> int | None:
         """0 where the driver of a pair is internal, 1 where the driven gear is, None where neither is."""
@@ -112,17 +109,17 @@ class Train:
     @cached_property
     def held(self) -> dict[str, Where]:
         """Rotors that do not turn, with the place that says so."""
-        sets = ((k, p) for k, p in enumerate(self.p.get("planetary_sets") or []) if p.get("held") is not None)
-        return {p[p["held"]]: ("planetary_sets", k, "held") for k, p in sets}
+        sets = ((k, p) for k, p in enumerate(self.p.planetary_sets) if p.held is not None)
+        return {p[p.held]: ("planetary_sets", k, "held") for k, p in sets}
 
     @cached_property
     def _relations(self) -> list[Relation]:
         """Input, held members, sun's meshes and ring's meshes of each set, shafts, pairs."""
-        found = [Relation({self.p["input"]["rotor"]: 1}, ("input",), 1)]
+        found = [Relation({self.p.input.rotor: 1}, ("input",), 1)]
         found += [Relation({rotor: 1}, where) for rotor, where in self.held.items()]
         found += [motion.relation for item in self.sets for motion in item.motions]
-        for k, shaft in enumerate(self.p.get("shafts") or []):
-            first, second = shaft["between"]
+        for k, shaft in enumerate(self.p.shafts):
+            first, second = shaft.between
             found.append(alike(first, second, ("shafts", k)))
         return found + [motion.relation for motion in self.motions]
 
@@ -146,7 +143,7 @@ class Train:
     @property
     def driving(self) -> int:
         """1 where the input turns counter-clockwise, -1 where clockwise."""
-        return -1 if self.p["input"].get("sense") == "clockwise" else 1
+        return -1 if self.p.input.sense == "clockwise" else 1
 
     @cached_property
     def signs(self) -> dict[str, int]:
@@ -161,7 +158,7 @@ class Train:
         The input turns counter-clockwise with what balances the outputs; without outputs every body takes as much as
         it turns, as inertias do in a run-up.
         """
-        outputs = [(item["rotor"], item.get("torque")) for item in self.p.get("outputs") or []]
+        outputs = [(item.rotor, item.torque) for item in self.p.outputs]
         taken = {body: -speed for body, speed in self.speeds.items()}
         if outputs:
             shared = {rotor: 1 / abs(self.speeds[rotor]) for rotor, _ in outputs}
@@ -199,8 +196,8 @@ class Train:
                     found.append(TrainMesh(f"{item.name}.{name}.{n}", driven, teeth[name], lag, not sun_drives))
         for k, motion in enumerate(self.motions):
             self._turning(motion)
-            p = self.p["meshes"][k]
-            found.append(TrainMesh(p["name"], motion, self.teeth_of(k), rotors.number(p, "lag")))
+            p = self.p.meshes[k]
+            found.append(TrainMesh(p.name, motion, self.teeth_of(k), rotors.number(p.lag)))
         return found
 
     def _turning(self, motion: MeshMotion) -> None:
@@ -240,7 +237,7 @@ class Train:
             driver, driven = self.pairs[pair]
             gears = self.rotors[driver], self.rotors[driven]
             force = partial(pair_force, self, pair)
-            self._teeth[pair] = MeshTeeth(gears, self.p["meshes"][pair], self.material, force)
+            self._teeth[pair] = MeshTeeth(gears, self.p.meshes[pair], self.material, force)
         return self._teeth[pair]
 
     @cached_property
@@ -254,7 +251,7 @@ class Train:
             angle = teeth.each(lambda pair: pair.pressure_angle)
         except NotPossible as error:
             raise TrainError(("meshes", pair), error.message, error.remedy or "change the teeth") from None
-        position = rotors.number(self.p["meshes"][pair], "position")
+        position = rotors.number(self.p.meshes[pair].position)
         return line_of_action(position, angle, self.sense(pair), self.internal(pair))
 
     # ---- coordinates
@@ -262,12 +259,12 @@ class Train:
     @cached_property
     def supported(self) -> list[int]:
         """Numbers of the rotors that move in their plane."""
-        return [k for k, rotor in enumerate(self.rotors) if rotors.moves(rotor)]
+        return [k for k, rotor in enumerate(self.rotors) if rotors.moves(rotor.get("support"))]
 
     @cached_property
     def sliding(self) -> list[int]:
         """Numbers of the rotors that move along their axis."""
-        return [k for k, rotor in enumerate(self.rotors) if rotors.slides(rotor)]
+        return [k for k, rotor in enumerate(self.rotors) if rotors.slides(rotor.get("support"))]
 
     @cached_property
     def coordinates(self) -> Coordinates:
@@ -277,7 +274,9 @@ class Train:
         positive; a held rotor has none without a torsional support. Displacements of the members of a set turn with its
         carrier.
         """
-        free = [k for k in range(len(self.rotors)) if rotors.turns(self.rotors[k], self.name(k) in self.held)]
+        free = [
+            k for k in range(len(self.rotors)) if rotors.turns(self.rotors[k].get("support"), self.name(k) in self.held)
+        ]
         sides = {f"{self.name(k)}.{axis}": "m" for k in self.supported for axis in "xy"}
         sides |= {f"{self.name(k)}.z": "m" for k in self.sliding}
         planets = {name: unit for item in self.sets for name, unit in item.coordinates.items()}
@@ -316,7 +315,7 @@ class Train:
     def _solid(self, rotor: int, which: int) -> Array:
         """Mass (0) or moment of inertia (1)."""
         name, density = self.name(rotor), self.material["density"]
-        owner = next((item for item in self.sets if item.p["ring"] == name), None)
+        owner = next((item for item in self.sets if item.p.ring == name), None)
         if owner is not None and self.rotors[rotor].get(("mass", "inertia")[which]) is None:
             with owner.told():
                 return owner.teeth.body("ring")[which]

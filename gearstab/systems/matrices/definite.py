@@ -42,7 +42,7 @@ def check_definite(document: Document, grid: Grid[Any]) -> None:
         return
     squares = eigenmodes(system.mass, system.mean_stiffness_matrix())[0]
     negative = squares[..., 0] < -RIGID_TOLERANCE * np.max(np.abs(squares), axis=-1)
-    if np.any(negative) and not grid.system["allow_negative_stiffness"]:
+    if np.any(negative) and not grid.system.allow_negative_stiffness:
         where = _axis_of(grid, selection, "stiffness") if np.ndim(negative) else ""
         message = f"with the mean mesh stiffness has a negative eigenvalue{where}: omega^2 = {np.min(squares):.6g}"
         remedy = "check the signs of stiffness, or set system.allow_negative_stiffness: true"

@@ -28,20 +28,18 @@ MOST_COORDINATES = 4000
 class MatrixFiles(Section):
     """A Matrix Market file for each matrix."""
 
-    mass: StrictStr = Field(title="file of the mass matrix", description="A Matrix Market file (.mtx).")
-    stiffness: StrictStr = Field(title="file of the stiffness matrix", description="A Matrix Market file (.mtx).")
-    damping: StrictStr | None = Field(
-        default=None, title="file of the damping matrix", description="A Matrix Market file (.mtx)."
-    )
-    gyroscopic: StrictStr | None = Field(
-        default=None, title="file of the gyroscopic matrix", description="A Matrix Market file (.mtx)."
-    )
-    centripetal: StrictStr | None = Field(
-        default=None, title="file of the centripetal matrix", description="A Matrix Market file (.mtx)."
-    )
-    circulatory: StrictStr | None = Field(
-        default=None, title="file of the circulatory matrix", description="A Matrix Market file (.mtx)."
-    )
+    mass: StrictStr = Field(title="file of the mass matrix")
+    """A Matrix Market file (.mtx)."""
+    stiffness: StrictStr = Field(title="file of the stiffness matrix")
+    """A Matrix Market file (.mtx)."""
+    damping: StrictStr | None = Field(default=None, title="file of the damping matrix")
+    """A Matrix Market file (.mtx)."""
+    gyroscopic: StrictStr | None = Field(default=None, title="file of the gyroscopic matrix")
+    """A Matrix Market file (.mtx)."""
+    centripetal: StrictStr | None = Field(default=None, title="file of the centripetal matrix")
+    """A Matrix Market file (.mtx)."""
+    circulatory: StrictStr | None = Field(default=None, title="file of the circulatory matrix")
+    """A Matrix Market file (.mtx)."""
 
 
 def read_market(path: FilePath) -> Array:

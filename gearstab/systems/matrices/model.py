@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 from pydantic import Field, StrictStr
 
 from gearstab.config.document.files import DataFileError
 from gearstab.config.document.problems import Path, dotted
+from gearstab.config.document.tree import sequence
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.arrays import matrix, vector
 from gearstab.config.model.conflicts import (
     Conflict,
-    as_meant,
     at_most_one,
     no_direction,
     repeated_names,
@@ -23,6 +23,7 @@ from gearstab.config.model.conflicts import (
 )
 from gearstab.config.model.fields import NUMBER, ByCoordinate, Choice, NameText, Quantity, also
 from gearstab.config.model.introspection import constructed
+from gearstab.config.model.reading import WRONG, told
 from gearstab.config.model.units import UnitError, to_si
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
@@ -81,75 +82,47 @@ class Matrices(System):
         },
     )  # fmt: skip
 
-    kind: Literal["matrices"] = Field(title="kind of system", description="A model given as matrices.")
-    mass: list[list[MassEntry]] | None = Field(
-        default=None,
-        title="mass matrix",
-        description="M, one row per coordinate (kg, or kg m^2 of a rotation); symmetric, positive definite.",
-    )
-    stiffness: list[list[StiffnessEntry]] | None = Field(
-        default=None,
-        title="stiffness matrix",
-        description="K0, everything but the meshes (N/m, or N m/rad of a rotation); unsymmetric of some bearings.",
-    )
-    file: StrictStr | None = Field(
-        default=None,
-        title="file of matrices",
-        description="A .npz, .h5 or .mat file of mass, stiffness and optionally damping, beside the configuration.",
-    )
-    files: MatrixFiles | None = Field(
-        default=None,
-        title="files of matrices",
-        description="Matrix Market files (.mtx) instead, one for each of mass, stiffness and optionally damping.",
-    )
-    coordinates: list[NameText] | None = Field(
-        default=None, title="coordinates", description="Names of the coordinates; q1, q2, ... without."
-    )
-    coordinate_units: CoordinateUnits | None = Field(
-        default=None,
-        title="units of the coordinates",
-        description="m, or rad of rotations: one for all coordinates, or a list of them; m without.",
-    )
-    damping: Damping | None = Field(
-        default=None,
-        title="damping",
-        description="The damping matrix, or other forms of damping; or give damping_ratio.",
-        json_schema_extra=also(ROWS),
-    )
+    kind: Literal["matrices"] = Field(title="kind of system")
+    """A model given as matrices."""
+    mass: list[list[MassEntry]] | None = Field(default=None, title="mass matrix")
+    """M, one row per coordinate (kg, or kg m^2 of a rotation); symmetric, positive definite."""
+    stiffness: list[list[StiffnessEntry]] | None = Field(default=None, title="stiffness matrix")
+    """K0, everything but the meshes (N/m, or N m/rad of a rotation); unsymmetric of some bearings."""
+    file: StrictStr | None = Field(default=None, title="file of matrices")
+    """A .npz, .h5 or .mat file of mass, stiffness and optionally damping, beside the configuration."""
+    files: MatrixFiles | None = Field(default=None, title="files of matrices")
+    """Matrix Market files (.mtx) instead, one for each of mass, stiffness and optionally damping."""
+    coordinates: list[NameText] | None = None
+    """Names of the coordinates; q1, q2, ... without."""
+    coordinate_units: CoordinateUnits | None = Field(default=None, title="units of the coordinates")
+    """m, or rad of rotations: one for all coordinates, or a list of them; m without."""
+    damping: Damping | None = Field(default=None, json_schema_extra=also(ROWS))
+    """The damping matrix, or other forms of damping; or give damping_ratio."""
     deflection_unit: Annotated[str, Choice("unit of a mesh deflection", UNITS)] = Field(
-        default="m",
-        title="unit of the mesh deflections",
-        description="m, or rad of meshes whose stiffness is in N m/rad.",
+        default="m", title="unit of the mesh deflections"
     )
-    meshes: list[MatrixMesh] = Field(title="meshes", min_length=1, description="At least one tooth mesh.")
-    terms: list[Term] = Field(
-        default=[],
-        title="terms",
-        description="Further periodic or constant parts a u v^T of the stiffness and damping matrix, of any symmetry.",
-    )
-    rotation: Annotated[list[RotationSection], OneAsWell()] = Field(
-        default=[],
-        title="rotation",
-        description="Speeds of rotation with gyroscopic, centripetal and circulatory matrices; one, or a list of them.",
-    )
-    load: Annotated[Load, ByCoordinate()] | None = Field(
-        default=None, title="load", description="Constant forces, one per coordinate (N, or N m of a rotation)."
-    )
-    forces: list[Force] = Field(default=[], title="forces", description="Periodic external forces.")
+    """m, or rad of meshes whose stiffness is in N m/rad."""
+    meshes: list[MatrixMesh] = Field(min_length=1)
+    """At least one tooth mesh."""
+    terms: list[Term] = Field(default=[])
+    """Further periodic or constant parts a u v^T of the stiffness and damping matrix, of any symmetry."""
+    rotation: Annotated[list[RotationSection], OneAsWell()] = Field(default=[])
+    """Speeds of rotation with gyroscopic, centripetal and circulatory matrices; one, or a list of them."""
+    load: Annotated[Load, ByCoordinate()] | None = None
+    """Constant forces, one per coordinate (N, or N m of a rotation)."""
+    forces: list[Force] = Field(default=[])
+    """Periodic external forces."""
 
-    @classmethod
-    def size(cls, raw: dict[str, Any]) -> int | None:
-        mass: Any = raw.get("mass")
+    def size(self) -> int | None:
+        mass: Any = self.mass
         return None if mass is None else len(mass) or None
 
-    @classmethod
-    def turning(cls, raw: dict[str, Any]) -> list[bool] | None:
-        given = raw.get("coordinate_units") or ["m"]
-        return [unit == "rad" for unit in (given * (cls.size(raw) or 1) if len(given) == 1 else given)]
+    def turning(self) -> list[bool] | None:
+        given = self.coordinate_units or ["m"]
+        return [unit == "rad" for unit in (given * (self.size() or 1) if len(given) == 1 else given)]
 
-    @classmethod
-    def turning_meshes(cls, raw: dict[str, Any]) -> bool:
-        return raw.get("deflection_unit") == "rad"
+    def turning_meshes(self) -> bool:
+        return self.deflection_unit == "rad"
 
     @classmethod
     def read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:
@@ -206,8 +179,9 @@ class Matrices(System):
                 yield (*path, i, j), f"is not symmetric: {entries}", remedy
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
+    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
         """Vectors by coordinate, the damping matrix by itself, and units of coordinates that their inertias tell."""
+        size = len(contents["mass"]) if "mass" in contents else len(sequence(raw.get("mass"))) or None
         write_out(document, raw, size)
         if isinstance(raw.get("damping"), list):
             raw["damping"] = {"matrix": raw["damping"]}
@@ -222,49 +196,44 @@ class Matrices(System):
         if raw.get("coordinate_units") is None and any(turning):
             units = ["rad" if turns else "m" for turns in turning]
             document.put(("system", "coordinate_units"), units, document.where(("system", "mass")))
-        meant = as_meant(raw, cls)
-        meshes = meant.get("meshes") or ()
-        angles = [_told(mesh, (key,), "N m") for mesh in meshes for key in ("mean_stiffness", "max_stiffness")]
-        if raw.get("deflection_unit") is None and all(cls.turning(meant) or [False]) and any(angles):
+        meshes, levels = sequence(raw.get("meshes")), ("mean_stiffness", "max_stiffness")
+        angles = [_told(mesh, (key,), "N m") for mesh in meshes for key in levels]
+        units = sequence(raw.get("coordinate_units")) or ["m"]
+        if raw.get("deflection_unit") is None and all(unit == "rad" for unit in units) and any(angles):
             document.put(("system", "deflection_unit"), "rad", document.where(("system", "meshes")))
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """Shapes that agree, names that differ; the matrices themselves are checked as numbers."""
-        yield from super().conflicts(raw)
-        size = cls.size(raw)
-        yield from at_most_one(raw, ("file", "files"))
-        yield from wrong_length(raw, "load", size)
-        yield from within_each(raw, "terms", lambda term: Term.conflicts(term, size))
-        yield from repeated_names(raw, "terms", "term")
-        of_file = raw.get("file") is not None or raw.get("files") is not None
-        yield from within_each(raw, "rotation", lambda part: RotationSection.conflicts(part, size, of_file))
-        yield from within_each(raw, "forces", lambda force: Force.conflicts_of_size(force, size))
+        yield from super().conflicts()
+        size = told(self.size)
+        yield from at_most_one(self, ("file", "files"))
+        yield from wrong_length(self, "load", size)
+        yield from within_each(self, "terms", lambda term: term.conflicts(size))
+        yield from repeated_names(self, "terms", "term")
+        of_file = self.file is not None or self.files is not None
+        yield from within_each(self, "rotation", lambda part: part.conflicts(size, of_file))
+        yield from within_each(self, "forces", lambda force: force.conflicts(size))
         for name in ("mass", "stiffness"):
-            rows = raw.get(name)
-            if rows is None and raw.get("file") is None and raw.get("files") is None:
+            rows = getattr(self, name)
+            if rows is None and self.file is None and self.files is None:
                 remedy = f"add {name}, or file: the name of a .npz, .h5 or .mat file with it"
                 yield (), "missing", f"{name} is missing", remedy
             elif rows is not None and not len(rows) and size is None:
                 yield (name,), "missing", "has no rows", "give one row per coordinate"
             else:
-                yield from not_square(raw, name, size)
-        yield from wrong_length(raw, "coordinates", size)
+                yield from not_square(self, name, size)
+        yield from wrong_length(self, "coordinates", size)
         if size is not None:
             hint = "let the mesh move at least one coordinate"
-            yield from within_each(raw, "meshes", lambda mesh: no_direction(mesh, "direction", size, hint))
-        units = raw.get("coordinate_units")
+            yield from within_each(self, "meshes", lambda mesh: no_direction(mesh, "direction", size, hint))
+        units = self.coordinate_units
         if units is not None and size is not None and len(units) not in (1, size):
-            yield (
-                ("coordinate_units",),
-                "wrong_count",
-                f"has {len(units)} entries",
-                f"give {size}, one per coordinate, or one for all",
-            )
+            hint = f"give {size}, one per coordinate, or one for all"
+            yield ("coordinate_units",), "wrong_count", f"has {len(units)} entries", hint
         for key in ("coordinate_units", "deflection_unit"):
-            if raw.get("units") == "none" and raw.get(key) not in (None, "m", ["m"]):
+            if self.units == "none" and getattr(self, key) not in (None, "m", ["m"]):
                 yield (key,), "not_applicable", "is given for a model without units", "remove it, or units: none"
-        names = raw.get("coordinates") or ()
+        names = self.coordinates or ()
         if len(set(names)) < len(names):
             yield ("coordinates",), "repeated_name", "two coordinates have the same name", "give each a name of its own"
 
@@ -272,7 +241,7 @@ class Matrices(System):
         held: dict[str, Any] = {name: contents[name] for name in REQUIRED if name in contents}
         if "damping" in contents:
             held["damping"] = Damping.model_construct(matrix=contents["damping"])
-        if self.rotation:
+        if self.rotation is not WRONG and self.rotation:
             turned = {name: contents[name] for name in OF_ROTATION if name in contents}
             held["rotation"] = [self.rotation[0].model_copy(update=turned), *self.rotation[1:]]
         return self.model_copy(update=held)
@@ -287,33 +256,24 @@ class Matrices(System):
         (:func:`~gearstab.systems.parts.terms.periodic_terms`); ``coordinate_units`` (one for all, or one for each
         coordinate) and ``deflection_unit``, m or rad.
         """
-        mass, p = matrix(self["mass"]), _split(self)
-        meshes = tuple(
-            build_mesh(m, vector(m["direction"]), m["frequency_ratio"], np.asarray(m.get("lag", 0.0), float))
-            for m in p["meshes"]
-        )
-        names = tuple(p.get("coordinates") or default_names(mass.shape[-1]))
-        stiffness, terms = p["stiffness"], periodic_terms(p)
-        units = tuple(p.get("coordinate_units") or ("m",))
+        mass, meshes = matrix(cast(Any, self.mass)), []
+        for mesh in self.meshes:
+            lag = np.asarray(mesh.lag, dtype=float)
+            meshes.append(build_mesh(mesh, vector(mesh.direction), mesh.frequency_ratio, lag))
+        names = tuple(self.coordinates or default_names(mass.shape[-1]))
+        stiffness, terms = _parts("circulatory", "stiffness", self.stiffness)
+        damping = self.damping
+        if damping is not None and damping.matrix is not None:
+            symmetric, gyroscopic = _parts("gyroscopic", "damping", damping.matrix)
+            damping, terms = damping.model_copy(update={"matrix": symmetric}), terms + gyroscopic
+        units = tuple(self.coordinate_units or ("m",))
         units = units * len(names) if len(units) == 1 else units
-        deflection = p.get("deflection_unit", "m")
         system = GearSystem(
-            mass, stiffness, meshes, coordinates=names, terms=terms, units=units, deflection_unit=deflection,
-            rotations=rotations(p),
+            mass, stiffness, tuple(meshes), coordinates=names, terms=periodic_terms([*self.terms, *terms]), units=units,
+            deflection_unit=self.deflection_unit, rotations=rotations(self.rotation),
         )  # fmt: skip
-        return with_forcing(with_damping(system, p), p)
-
-
-def _split(p: Any) -> Any:
-    """Return parameters whose stiffness and damping matrices, arrays ``(..., n, n)``, are symmetric, the rest terms."""
-    stiffness, circulatory = _parts("circulatory", "stiffness", p["stiffness"])
-    found: dict[str, Any] = {"stiffness": stiffness}
-    rows = (p.get("damping") or {}).get("matrix")
-    gyroscopic: list[Term] = []
-    if rows is not None:
-        damping, gyroscopic = _parts("gyroscopic", "damping", rows)
-        found["damping"] = p["damping"] | {"matrix": damping}
-    return p | found | {"terms": [*(p.get("terms") or ()), *circulatory, *gyroscopic]}
+        section = self.model_copy(update={"damping": damping})
+        return with_forcing(with_damping(system, section), section)
 
 
 def _parts(name: str, part: str, rows: Any) -> tuple[Array, list[Term]]:

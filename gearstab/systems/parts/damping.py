@@ -23,33 +23,25 @@ MatrixEntry = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 class Damping(Section):
     """Damping of the whole system, in one of three forms."""
 
-    modal: list[NonNegative] | None = Field(
-        default=None,
-        title="modal damping ratios",
-        description="One damping ratio per mode, by ascending natural frequency (1).",
-    )
+    modal: list[NonNegative] | None = Field(default=None, title="modal damping ratios")
+    """One damping ratio per mode, by ascending natural frequency (1)."""
     rayleigh: (
         tuple[Annotated[float, Field(ge=0), Quantity("1/s")], Annotated[float, Field(ge=0), Quantity("s")]] | None
-    ) = Field(
-        default=None,
-        title="Rayleigh damping",
-        description="[alpha (1/s), beta (s)]: C = alpha M + beta K of the mean system.",
-    )
-    matrix: list[list[MatrixEntry]] | None = Field(
-        default=None, title="damping matrix", description="C, one row per coordinate (N s/m); symmetric."
-    )
+    ) = Field(default=None, title="Rayleigh damping")
+    """[alpha (1/s), beta (s)]: C = alpha M + beta K of the mean system."""
+    matrix: list[list[MatrixEntry]] | None = Field(default=None, title="damping matrix")
+    """C, one row per coordinate (N s/m); symmetric."""
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any], size: int | None) -> Iterator[Conflict]:
+    def conflicts(self, size: int | None) -> Iterator[Conflict]:
         """Exactly one form, of the size of the system."""
-        yield from exactly_one(raw, ("modal", "rayleigh", "matrix"))
-        yield from wrong_length(raw, "modal", size, "mode")
-        yield from not_square(raw, "matrix", size)
+        yield from exactly_one(self, ("modal", "rayleigh", "matrix"))
+        yield from wrong_length(self, "modal", size, "mode")
+        yield from not_square(self, "matrix", size)
 
 
-def not_square(raw: dict[str, Any], key: str, size: int | None) -> Iterator[Conflict]:
+def not_square(section: Section, key: str, size: int | None) -> Iterator[Conflict]:
     """A conflict unless the nested lists at a key are ``size`` rows of ``size`` entries."""
-    rows = raw.get(key)
+    rows = section[key]
     if rows is None or size is None:
         return
     if len(rows) != size:
@@ -69,22 +61,22 @@ def with_damping(system: GearSystem, p: Any) -> GearSystem:
     """
     mean = system.mean_stiffness_matrix()
     parts: list[Array] = []
-    if given(p, "damping_ratio"):
-        parts.append(modal_damping_matrix(system.mass, mean, np.asarray(p["damping_ratio"])[..., None]))
-    spec = p.get("damping") or {}
-    if spec.get("modal") is not None:
-        parts.append(modal_damping_matrix(system.mass, mean, vector(spec["modal"])))
-    if spec.get("rayleigh") is not None:
-        alpha, beta = (np.asarray(v)[..., None, None] for v in spec["rayleigh"])
+    if given(p.damping_ratio):
+        parts.append(modal_damping_matrix(system.mass, mean, np.asarray(p.damping_ratio)[..., None]))
+    spec = p.damping or Damping()
+    if spec.modal is not None:
+        parts.append(modal_damping_matrix(system.mass, mean, vector(spec.modal)))
+    if spec.rayleigh is not None:
+        alpha, beta = (np.asarray(v)[..., None, None] for v in spec.rayleigh)
         parts.append(alpha * system.mass + beta * mean)
-    if spec.get("matrix") is not None:
-        parts.append(matrix(spec["matrix"]))
+    if spec.matrix is not None:
+        parts.append(matrix(spec.matrix))
     terms = []
-    for part, item in zip(p["meshes"], system.meshes, strict=True):
-        if given(part, "damping") and part.get("damping_follows_stiffness") and np.any(item.epsilon):
-            terms.append(_following(item, np.asarray(part["damping"], dtype=float)))
-        elif given(part, "damping"):
-            parts.append(np.asarray(part["damping"])[..., None, None] * item.outer)
+    for part, item in zip(p.meshes, system.meshes, strict=True):
+        if given(part.damping) and part.damping_follows_stiffness and np.any(item.epsilon):
+            terms.append(_following(item, np.asarray(part.damping, dtype=float)))
+        elif given(part.damping):
+            parts.append(np.asarray(part.damping)[..., None, None] * item.outer)
     total = np.zeros_like(mean)
     for part in parts:
         total = total + part

@@ -8,7 +8,7 @@ stability over the common period is as exact as ever. All else of the mesh stays
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Annotated, Any
 
@@ -16,10 +16,12 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.document.problems import nearest
-from gearstab.config.model.conflicts import Conflict, items, plain_number
+from gearstab.config.model.conflicts import Conflict, items, within_each
 from gearstab.config.model.fields import Choice, NameText, Quantity, Section, Whole
+from gearstab.config.model.reading import WRONG
 from gearstab.mesh import Mesh
 from gearstab.system import Array
+from gearstab.systems.parts.forcing import GearError
 from gearstab.systems.parts.weak_tooth import OnePair, equal_shares, missing, over_the_width, own_pairs
 from gearstab.waveforms import Tooth, ToothPair
 
@@ -29,49 +31,58 @@ KINDS_OF_FAULT = ("crack", "pit")
 class Fault(Section):
     """A weak tooth of a gear in a mesh."""
 
-    gear: NameText = Field(title="gear", description="Name of the gear that has it.")
-    tooth: Annotated[int, Field(ge=1), Whole] = Field(
-        default=1, title="number of the tooth", description="Tooth 1 enters at the start of the mesh's wave, 2 next."
-    )
-    kind: Annotated[str, Choice("fault", KINDS_OF_FAULT)] = Field(
-        default="crack",
-        title="kind of fault",
-        description="crack or pit; a crack of a planet's tooth weakens its meshes with sun and ring, a pit one.",
-    )
-    factor: Annotated[float, Field(gt=0, lt=1), Quantity()] = Field(
-        title="stiffness factor", description="q: stiffness of its pair over that of a healthy one (1)."
-    )
+    gear: NameText
+    """Name of the gear that has it."""
+    tooth: Annotated[int, Field(ge=1), Whole] = Field(default=1, title="number of the tooth")
+    """Tooth 1 enters at the start of the mesh's wave, 2 next."""
+    kind: Annotated[str, Choice("fault", KINDS_OF_FAULT)] = Field(default="crack", title="kind of fault")
+    """crack or pit; a crack of a planet's tooth weakens its meshes with sun and ring, a pit one."""
+    factor: Annotated[float, Field(gt=0, lt=1), Quantity()] = Field(title="stiffness factor")
+    """q: stiffness of its pair over that of a healthy one (1)."""
+
+    def conflicts(self, gears: Sequence[str], teeth: Mapping[str, Fraction | None]) -> Iterator[Conflict]:
+        """A gear of the mesh, and a tooth that it has. gears, teeth: as in :func:`fault_conflicts`."""
+        yield from absent_gear(self, gears)
+        count = teeth.get(self.gear)
+        if count is not None and self.tooth > count:
+            yield ("tooth",), "out_of_range", f"gear '{self.gear}' has {count} teeth", f"write 1 to {count}"
 
 
-def fault_conflicts(raw: dict[str, Any], gears: Sequence[Any], teeth: dict[str, Any]) -> Iterator[Conflict]:
+def fault_conflicts(section: Any, gears: Sequence[str], teeth: Mapping[str, Fraction | None]) -> Iterator[Conflict]:
     """Yield faults of gears that are not in a mesh, of teeth that there are not, and what faults exclude.
 
-    gears: those of the mesh. teeth: their numbers of teeth, by name, where they are known.
+    gears: those of the mesh. teeth: their numbers of teeth, by name, None where there are none.
     """
-    faults = items(raw.get("faults"))
-    for k, item in faults:
-        gear, tooth = item.get("gear"), item.get("tooth", 1)
-        if isinstance(gear, str) and gear not in gears:
-            yield ("faults", k, "gear"), "unknown_name", f"'{gear}' is no gear of this mesh", nearest(gear, gears)
-        count = teeth.get(gear) if isinstance(gear, str) else None
-        if type(tooth) is int and type(count) is int and tooth > count:
-            yield ("faults", k, "tooth"), "out_of_range", f"gear '{gear}' has {count} teeth", f"write 1 to {count}"
-    if faults and not together([item for _, item in faults]):
+    faults = items(section.faults)
+    yield from within_each(section, "faults", lambda fault: fault.conflicts(gears, teeth))
+    if not together([fault for _, fault in faults]):
         message = "leave the pair without stiffness where both weak teeth meet"
         yield ("faults",), "out_of_range", message, "give factors whose losses 1 - factor add up to less than 1"
-    for key in ("friction", "backlash", "relief"):
-        if faults and raw.get(key):
-            yield (key,), "not_applicable", "is not available with faults of the teeth", "keep one of the two"
+    if faults:
+        yield from excluded(section, ("friction", "backlash", "relief"), "faults of the teeth")
 
 
-def together(faults: Sequence[dict[str, Any]]) -> bool:
-    """Whether the teeth that may meet in one pair, one of each gear, leave a positive stiffness."""
-    worst: dict[Any, float] = {}
-    for item in faults:
-        factor = plain_number(item.get("factor"))
-        gear = item.get("gear")
-        if factor is not None and isinstance(gear, str):
-            worst[gear] = max(worst.get(gear, 0.0), 1 - factor)
+def absent_gear(item: Fault | GearError, gears: Sequence[str]) -> Iterator[Conflict]:
+    """Yield a conflict where ``gear`` of a section names none of the gears of a mesh."""
+    names = [name for _, name in items(gears)]
+    if item.gear is not WRONG and item.gear not in names:
+        yield ("gear",), "unknown_name", f"'{item.gear}' is no gear of this mesh", nearest(item.gear, names)
+
+
+def excluded(section: Any, keys: Sequence[str], other: str) -> Iterator[Conflict]:
+    """Yield a conflict for each key that is given and does not go with another part of the section."""
+    for key in keys:
+        value = getattr(section, key, None)
+        if value is not WRONG and value:
+            yield (key,), "not_applicable", f"is not available with {other}", "keep one of the two"
+
+
+def together(faults: Sequence[Fault]) -> bool:
+    """Return whether the teeth that may meet in one pair, one of each gear, leave a positive stiffness."""
+    worst: dict[str, float] = {}
+    for fault in faults:
+        if fault.gear is not WRONG and fault.factor is not WRONG:
+            worst[fault.gear] = max(worst.get(fault.gear, 0.0), 1 - fault.factor)
     return len(worst) < 2 or sum(worst.values()) < 1
 
 

@@ -57,69 +57,51 @@ class TransmissionError(Section):
     """The unloaded static transmission error of a mesh as a Fourier series over its period."""
 
     sin: list[ErrorAmplitude] = Field(
-        default=[],
-        max_length=MOST_HARMONICS,
-        title="sine amplitudes of the transmission error",
-        description="a_s of sin s x, s = 1, 2, ..., x = Omega_i t - 2 pi lag (m, or rad where the mesh turns).",
+        default=[], max_length=MOST_HARMONICS, title="sine amplitudes of the transmission error"
     )
+    """a_s of sin s x, s = 1, 2, ..., x = Omega_i t - 2 pi lag (m, or rad where the mesh turns)."""
     cos: list[ErrorAmplitude] = Field(
-        default=[],
-        max_length=MOST_HARMONICS,
-        title="cosine amplitudes of the transmission error",
-        description="b_s of cos s x, s = 1, 2, ... (m, or rad where the mesh turns).",
+        default=[], max_length=MOST_HARMONICS, title="cosine amplitudes of the transmission error"
     )
+    """b_s of cos s x, s = 1, 2, ... (m, or rad where the mesh turns)."""
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """Yield a conflict without any harmonic."""
-        yield from no_harmonics(raw, "m")
+        yield from no_harmonics(self, "m")
 
 
 class GearError(TransmissionError):
     """A transmission error that repeats with the revolution of a gear, as a Fourier series over it."""
 
-    gear: NameText = Field(title="gear", description="Name of the gear that has it.")
+    gear: NameText
+    """Name of the gear that has it."""
 
 
 class Force(Section):
     """A periodic external force, given by its Fourier series."""
 
-    name: NameText | None = Field(default=None, title="name of the force", description="What messages call it.")
-    direction: Vector = Field(
-        title="direction of the force",
-        description="u, the force acts as u times its value: one number per coordinate, or {coordinate: value} (1).",
-    )
-    sin: list[ForceAmplitude] = Field(
-        default=[],
-        max_length=MOST_HARMONICS,
-        title="sine amplitudes of the force",
-        description="Of sin s x, s = 1, 2, ..., x = r Omega t - 2 pi lag (N, or N m of a rotation).",
-    )
-    cos: list[ForceAmplitude] = Field(
-        default=[],
-        max_length=MOST_HARMONICS,
-        title="cosine amplitudes of the force",
-        description="Of cos s x, s = 1, 2, ... (N, or N m of a rotation).",
-    )
-    frequency_ratio: ExactRatio = Field(
-        default=Fraction(1),
-        title="frequency ratio of the force",
-        description='r, its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2".',
-    )
-    lag: Turns = Field(
-        default=0.0, title="lag of the force", description="It begins this fraction of its own period late (1)."
-    )
+    name: NameText | None = Field(default=None, title="name of the force")
+    """What messages call it."""
+    direction: Vector = Field(title="direction of the force")
+    """u, the force acts as u times its value: one number per coordinate, or {coordinate: value} (1)."""
+    sin: list[ForceAmplitude] = Field(default=[], max_length=MOST_HARMONICS, title="sine amplitudes of the force")
+    """Of sin s x, s = 1, 2, ..., x = r Omega t - 2 pi lag (N, or N m of a rotation)."""
+    cos: list[ForceAmplitude] = Field(default=[], max_length=MOST_HARMONICS, title="cosine amplitudes of the force")
+    """Of cos s x, s = 1, 2, ... (N, or N m of a rotation)."""
+    frequency_ratio: ExactRatio = Field(default=Fraction(1), title="frequency ratio of the force")
+    """r, its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2"."""
+    lag: Turns = Field(default=0.0, title="lag of the force")
+    """It begins this fraction of its own period late (1)."""
 
-    @classmethod
-    def conflicts_of_size(cls, raw: dict[str, Any], size: int | None) -> Iterator[Conflict]:
+    def conflicts(self, size: int | None) -> Iterator[Conflict]:
         """Yield conflicts without any harmonic, and of a direction that is zero or not of the size of the system."""
-        yield from no_harmonics(raw, "N")
-        yield from no_direction(raw, "direction", size, "let the force act on at least one coordinate")
+        yield from no_harmonics(self, "N")
+        yield from no_direction(self, "direction", size, "let the force act on at least one coordinate")
 
 
-def no_harmonics(raw: dict[str, Any], unit: str) -> Iterator[Conflict]:
+def no_harmonics(series: TransmissionError | Force, unit: str) -> Iterator[Conflict]:
     """A conflict where neither sin nor cos has an entry, nor an unknown key stands for them."""
-    if raw.keys() <= Force.model_fields.keys() and not raw.get("sin") and not raw.get("cos"):
+    if series.model_fields_set <= {*Force.model_fields, *GearError.model_fields} and not series.sin and not series.cos:
         yield (), "missing", "has no harmonics", f"add sin: [..] or cos: [..], amplitudes of the harmonics ({unit})"
 
 
@@ -134,23 +116,23 @@ def with_forcing(system: GearSystem, p: Any) -> GearSystem:
     meshes = tuple(
         replace(
             item,
-            transmission_error=Fourier.build(part["transmission_error"]) if part.get("transmission_error") else None,
-            damping=np.asarray(part["damping"], dtype=float) if _constant_damping(part) else 0.0,
-            backlash=np.asarray(part["backlash"], dtype=float) if given(part, "backlash") else 0.0,
-            backlash_zero=part.get("backlash_zero", "middle"),
+            transmission_error=None if part.transmission_error is None else Fourier.build(part.transmission_error),
+            damping=np.asarray(part.damping, dtype=float) if _constant_damping(part) else 0.0,
+            backlash=np.asarray(part.backlash, dtype=float) if given(part.backlash) else 0.0,
+            backlash_zero=part.backlash_zero,
         )
-        for part, item in zip(p["meshes"], system.meshes, strict=True)
+        for part, item in zip(p.meshes, system.meshes, strict=True)
     )
     forces = tuple(
         PeriodicForce(
-            part.get("name") or f"force{i + 1}", vector(part["direction"]), Fourier.build(part),
-            part["frequency_ratio"], np.asarray(part.get("lag", 0.0), dtype=float),
+            part.name or f"force{i + 1}", vector(part.direction), Fourier.build(part),
+            part.frequency_ratio, np.asarray(part.lag, dtype=float),
         )
-        for i, part in enumerate(p.get("forces") or [])
+        for i, part in enumerate(getattr(p, "forces", ()))
     )  # fmt: skip
-    load = vector(p["load"]) if p.get("load") is not None else None
+    load = None if getattr(p, "load", None) is None else vector(p.load)
     return replace(system, meshes=meshes, forces=forces, load=load)
 
 
-def _constant_damping(p: Any) -> bool:
-    return given(p, "damping") and not p.get("damping_follows_stiffness")
+def _constant_damping(mesh: Any) -> bool:
+    return given(mesh.damping) and not mesh.damping_follows_stiffness

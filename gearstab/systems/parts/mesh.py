@@ -25,6 +25,8 @@ from gearstab.config.model.fields import (
     Stiffness,
     Turns,
 )
+from gearstab.config.model.introspection import descriptions
+from gearstab.config.model.reading import known
 from gearstab.mesh import Mesh
 from gearstab.system import Array
 from gearstab.systems.parts.forcing import TransmissionError
@@ -52,138 +54,99 @@ ZEROS = ("middle", "drive_side")
 class Named(Section):
     """Something in a list that is called by a name."""
 
-    name: NameText = Field(title="name", description="What paths, labels and messages call the mesh; unique.")
+    name: NameText
+    """What paths, labels and messages call the mesh; unique."""
 
 
 class ToothMesh(Section):
     """A tooth mesh: a spring whose stiffness alternates between floor(c) and floor(c) + 1 pairs of teeth."""
 
-    mean_stiffness: Stiffness | None = Field(
-        default=None, title="mean mesh stiffness", description="Mean stiffness k_g, kept (N/m); or give max_stiffness."
-    )
-    max_stiffness: Stiffness | None = Field(
-        default=None,
-        title="stiffer level of the mesh stiffness",
-        description="The stiffer level k_max, kept (N/m), so that k_g falls as k_a grows; or give mean_stiffness.",
-    )
+    mean_stiffness: Stiffness | None = Field(default=None, title="mean mesh stiffness")
+    """Mean stiffness k_g, kept (N/m); or give max_stiffness."""
+    max_stiffness: Stiffness | None = Field(default=None, title="stiffer level of the mesh stiffness")
+    """The stiffer level k_max, kept (N/m), so that k_g falls as k_a grows; or give mean_stiffness."""
     epsilon: Annotated[NonNegative, ShortName(rival="amplitude")] | None = Field(
-        default=None,
-        title="relative mesh stiffness variation",
-        description="epsilon = k_a/k_g, where 2 k_a is the peak-to-peak of the variation (1); or give amplitude.",
+        default=None, title="relative mesh stiffness variation"
     )
+    """epsilon = k_a/k_g, where 2 k_a is the peak-to-peak of the variation (1); or give amplitude."""
     amplitude: Annotated[float, Field(ge=0), Quantity("N/m"), ShortName(rival="epsilon")] | None = Field(
-        default=None,
-        title="mesh stiffness amplitude",
-        description="k_a, half the peak-to-peak of the variation (N/m); or give epsilon.",
+        default=None, title="mesh stiffness amplitude"
     )
-    contact_ratio: Annotated[ContactRatio, ShortName(hint="their waveforms have none")] | None = Field(
-        default=None,
-        title="contact ratio",
-        description="c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1).",
-    )
-    waveform: WaveformSection = Field(
-        default=WaveformSection(kind="rectangular"),
-        title="waveform",
-        description="The shape of the variation over a mesh period.",
-    )
-    damping: Annotated[float, Field(ge=0), Quantity("N s/m")] | None = Field(
-        default=None, title="mesh damping", description="Viscous damping along the line of action (N s/m)."
-    )
-    damping_follows_stiffness: Flag = Field(
-        default=False,
-        title="damping follows stiffness",
-        description="The mesh damping d varies as the mesh stiffness does, d k(t)/k_g, instead of being constant.",
-    )
-    transmission_error: TransmissionError | None = Field(
-        default=None,
-        title="transmission error",
-        description="Unloaded static transmission error e: the mesh is without force where its deflection is e (m).",
-    )
-    backlash: NonNegativeLength | None = Field(
-        default=None,
-        title="backlash",
-        description="2 b, the play between the flanks along the line of action (m), for respond; none without.",
-    )
+    """k_a, half the peak-to-peak of the variation (N/m); or give epsilon."""
+    contact_ratio: Annotated[ContactRatio, ShortName(hint="their waveforms have none")] | None = None
+    """c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1)."""
+    waveform: WaveformSection = WaveformSection(kind="rectangular")
+    """The shape of the variation over a mesh period."""
+    damping: Annotated[float, Field(ge=0), Quantity("N s/m")] | None = Field(default=None, title="mesh damping")
+    """Viscous damping along the line of action (N s/m)."""
+    damping_follows_stiffness: Flag = False
+    """The mesh damping d varies as the mesh stiffness does, d k(t)/k_g, instead of being constant."""
+    transmission_error: TransmissionError | None = None
+    """Unloaded static transmission error e: the mesh is without force where its deflection is e (m)."""
+    backlash: NonNegativeLength | None = None
+    """2 b, the play between the flanks along the line of action (m), for respond; none without."""
     backlash_zero: Annotated[str, Choice("zero of the deflection", ZEROS)] = Field(
-        default="middle",
-        title="zero of the deflection in the backlash",
-        description="middle of the backlash, or drive_side: where the flank that carries the load just touches.",
+        default="middle", title="zero of the deflection in the backlash"
     )
+    """middle of the backlash, or drive_side: where the flank that carries the load just touches."""
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does."""
-        yield from cls.conflicts_of(raw, False)
+    def conflicts(self, from_teeth: bool = False) -> Iterator[Conflict]:
+        """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does.
 
-    @classmethod
-    def conflicts_of(cls, raw: dict[str, Any], from_teeth: bool) -> Iterator[Conflict]:
-        """Yield the contradictions of a mesh. from_teeth: whether teeth give what it does not."""
-        wave = wave_of(raw.get("waveform"))
+        from_teeth: whether teeth give what the mesh does not.
+        """
+        wave = wave_of(self.waveform)
         if from_teeth:
-            yield from given_by_teeth(raw)
+            yield from given_by_teeth(self)
         elif wave is not None and wave.of_teeth:
             message = "the teeth are unknown: a gearbox, or a planetary gear with gears, has them"
-            yield (
-                ("waveform", "kind"),
-                "not_applicable",
-                message,
-                "choose another waveform, or describe the gears in a gearbox",
-            )
+            hint = "choose another waveform, or describe the gears in a gearbox"
+            yield ("waveform", "kind"), "not_applicable", message, hint
             return
         stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
-        yield from (at_most_one if from_teeth or has_own_mean(raw) else exactly_one)(raw, stiffness)
+        yield from (at_most_one if from_teeth or has_own_mean(self) else exactly_one)(self, stiffness)
         varies = from_teeth or (wave is not None and wave.own_variation)
-        yield from (at_most_one if varies else exactly_one)(raw, variation)
-        description = cls.model_fields["contact_ratio"].description or ""
-        yield from shape_conflicts(raw, "" if from_teeth else description.rstrip("."))
-        yield from following_conflicts(
-            raw, ("damping",), "add damping, the mean of the damping that follows the stiffness"
-        )
-        yield from within(raw, "transmission_error", TransmissionError.conflicts)
+        yield from (at_most_one if varies else exactly_one)(self, variation)
+        description = descriptions(type(self))["contact_ratio"]
+        yield from shape_conflicts(self, "" if from_teeth else description.rstrip("."))
+        hint = "add damping, the mean of the damping that follows the stiffness"
+        yield from known(following_conflicts(self, ("damping",), hint))
+        yield from within(self, "transmission_error", TransmissionError.conflicts)
 
 
 class StiffnessOfTeeth(Section):
     """What is measured of a stiffness that follows from the teeth, and how their pairs add up."""
 
-    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = Field(
-        default=None,
-        title="double contact factor",
-        description="Of teeth: stiffness of two pairs over the sum of theirs (1), as teeth on one body deflect each "
-        "other; 1 without.",
-    )
-    single_pair_stiffness: Stiffness | None = Field(
-        default=None,
-        title="measured stiffness of a pair",
-        description="Of teeth: in contact at the pitch point (N/m); of an internal gear, all along the path.",
-    )
-    variation: NonNegative | None = Field(
-        default=None,
-        title="measured variation",
-        description="Of teeth: (max k - min k)/mean k of the mesh stiffness (1).",
-    )
+    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = None
+    """Of teeth: stiffness of two pairs over the sum of theirs (1), as teeth on one body deflect each other; 1
+    without."""
+    single_pair_stiffness: Stiffness | None = Field(default=None, title="measured stiffness of a pair")
+    """Of teeth: in contact at the pitch point (N/m); of an internal gear, all along the path."""
+    variation: NonNegative | None = Field(default=None, title="measured variation")
+    """Of teeth: (max k - min k)/mean k of the mesh stiffness (1)."""
 
 
-def given_by_teeth(raw: dict[str, Any]) -> Iterator[Conflict]:
+def given_by_teeth(mesh: ToothMesh) -> Iterator[Conflict]:
     """Yield what the wave of the teeth gives by itself."""
-    wave = wave_of(raw.get("waveform"))
+    wave = wave_of(mesh.waveform)
     if wave is None or not wave.of_teeth:
         return
     for key in ("mean_stiffness", "max_stiffness", "stiffness_per_width", "epsilon", "amplitude", "contact_ratio"):
-        if raw.get(key) is not None:
+        if getattr(mesh, key, None) is not None:
             remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
             yield (key,), "already_given", "the teeth give it", f"{remedy}single_pair_stiffness and variation"
 
 
-def following_conflicts(raw: dict[str, Any], keys: Sequence[str], hint: str) -> Iterator[Conflict]:
+def following_conflicts(mesh: ToothMesh, keys: Sequence[str], hint: str) -> Iterator[Conflict]:
     """Yield what contradicts a damping that follows the stiffness.
 
     keys: those that may give the damping; hint: what to do where none does.
     """
-    if raw.get("damping_follows_stiffness") is not True:
+    if mesh.damping_follows_stiffness is not True:
         return
-    if all(raw.get(key) is None for key in keys):
+    if all(mesh[key] is None for key in keys):
         yield ("damping",), "missing", "is missing", hint
-    if raw.get("transmission_error") is not None:
+    if mesh.transmission_error is not None:
         message = "is given, and a damping that follows the stiffness"
         yield ("transmission_error",), "needs_other", message, "keep one of the two, or make the damping constant"
 
@@ -202,11 +165,8 @@ class SecondMesh(NamedToothMesh):
 
     misplaced: ClassVar[dict[str, str]] = {"lag": "give a phasing, which is a lead: phasing = -lag"}
 
-    phasing: Annotated[Turns, ShortName(but_first=True, hint=WHERE_PHASINGS)] = Field(
-        default=0.0,
-        title="mesh phasing",
-        description="h: this mesh leads the first one by h of its own period (1; Lin & Parker 2002).",
-    )
+    phasing: Annotated[Turns, ShortName(but_first=True, hint=WHERE_PHASINGS)] = Field(default=0.0, title="mesh phasing")
+    """h: this mesh leads the first one by h of its own period (1; Lin & Parker 2002)."""
 
 
 class MatrixMesh(NamedToothMesh):
@@ -214,53 +174,35 @@ class MatrixMesh(NamedToothMesh):
 
     misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}
 
-    mean_stiffness: MeshStiffness | None = Field(
-        default=None,
-        title="mean mesh stiffness",
-        description="Mean stiffness k_g, kept (N/m, or N m/rad of an angle); or give max_stiffness.",
-    )
-    max_stiffness: MeshStiffness | None = Field(
-        default=None,
-        title="stiffer level of the mesh stiffness",
-        description="The stiffer level k_max, kept (N/m, N m/rad), so that k_g falls with k_a; or give mean_stiffness.",
-    )
+    mean_stiffness: MeshStiffness | None = Field(default=None, title="mean mesh stiffness")
+    """Mean stiffness k_g, kept (N/m, or N m/rad of an angle); or give max_stiffness."""
+    max_stiffness: MeshStiffness | None = Field(default=None, title="stiffer level of the mesh stiffness")
+    """The stiffer level k_max, kept (N/m, N m/rad), so that k_g falls with k_a; or give mean_stiffness."""
     amplitude: Annotated[float, Field(ge=0), Quantity("N/m", ("N m",))] | None = Field(
-        default=None,
-        title="mesh stiffness amplitude",
-        description="k_a, half the peak-to-peak of the variation (N/m or N m/rad); or give epsilon.",
+        default=None, title="mesh stiffness amplitude"
     )
+    """k_a, half the peak-to-peak of the variation (N/m or N m/rad); or give epsilon."""
     damping: Annotated[float, Field(ge=0), Quantity("N s/m", ("N m s",))] | None = Field(
-        default=None, title="mesh damping", description="Viscous damping of the mesh deflection (N s/m or N m s/rad)."
+        default=None, title="mesh damping"
     )
-    backlash: Annotated[float, Field(ge=0), Quantity("m", ("rad",))] | None = Field(
-        default=None,
-        title="backlash",
-        description="2 b, the play of the mesh deflection (m, or rad of an angle), for respond; none without.",
-    )
-    direction: Direction = Field(
-        title="direction",
-        description="g, the mesh deflection is g . q: 1 for a translation, a base radius (m) for a rotation.",
-    )
-    exact: Flag = Field(
-        default=True,
-        title="exact frequency ratio",
-        description="false: frequency_ratio is a decimal that stands for an irrational number.",
-    )
-    frequency_ratio: AnyRatio = Field(
-        default=Fraction(1),
-        title="mesh frequency ratio",
-        description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
-    )
-    lag: Lag = Field(
-        default=0.0, title="mesh lag", description="The wave begins this fraction of its own period late (1)."
-    )
+    """Viscous damping of the mesh deflection (N s/m or N m s/rad)."""
+    backlash: Annotated[float, Field(ge=0), Quantity("m", ("rad",))] | None = None
+    """2 b, the play of the mesh deflection (m, or rad of an angle), for respond; none without."""
+    direction: Direction
+    """g, the mesh deflection is g . q: 1 for a translation, a base radius (m) for a rotation."""
+    exact: Flag = Field(default=True, title="exact frequency ratio")
+    """false: frequency_ratio is a decimal that stands for an irrational number."""
+    frequency_ratio: AnyRatio = Field(default=Fraction(1), title="mesh frequency ratio")
+    """Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2"; see exact."""
+    lag: Lag = Field(default=0.0, title="mesh lag")
+    """The wave begins this fraction of its own period late (1)."""
 
 
-def may_have(name: str, short: ShortName, place: str | int, mesh: dict[str, Any]) -> bool:
-    """Whether a mesh as meant, which stands at an index or key, may have the number of a short name."""
+def may_have(name: str, short: ShortName, place: str | int, mesh: ToothMesh) -> bool:
+    """Return whether a mesh, which stands at an index or key, may have the number of a short name."""
     if place == 0 and short.but_first:
         return False
-    return mesh.get(short.rival) is None and not (name == "contact_ratio" and has_no_ratio(mesh))
+    return getattr(mesh, short.rival, None) is None and not (name == "contact_ratio" and has_no_ratio(mesh))
 
 
 def build_mesh(p: Any, direction: Array, frequency_ratio: Fraction | float = Fraction(1), lag: Any = 0.0) -> Mesh:
@@ -270,8 +212,8 @@ def build_mesh(p: Any, direction: Array, frequency_ratio: Fraction | float = Fra
     2002 section 4: k_g = k_max - 2 k_a (1 - d)), its variation by ``epsilon`` = k_a/k_g or ``amplitude`` = k_a; what is
     not given is that of a ``waveform`` made from stiffnesses, or of the ``wave`` itself, which teeth give.
     """
-    wave = build_waveform(p) if p.get("wave") is None else p["wave"]
-    epsilon, amplitude, maximum = p.get("epsilon"), p.get("amplitude"), p.get("max_stiffness")
+    wave = getattr(p, "wave", None) or build_waveform(p.waveform, p.contact_ratio)
+    epsilon, amplitude, maximum = p.epsilon, p.amplitude, p.max_stiffness
     if epsilon is None and amplitude is None:
         epsilon = _ratio(wave.mean_stiffness, wave.amplitude)
     if maximum is not None:
@@ -281,13 +223,13 @@ def build_mesh(p: Any, direction: Array, frequency_ratio: Fraction | float = Fra
             mean = maximum - 2 * np.asarray(amplitude) * above
         else:
             mean = maximum / (1 + 2 * np.asarray(epsilon) * above)
-    elif p.get("mean_stiffness") is not None:
-        mean = np.asarray(p["mean_stiffness"], dtype=float)
+    elif p.mean_stiffness is not None:
+        mean = np.asarray(p.mean_stiffness, dtype=float)
     else:
         mean = wave.mean_stiffness
     if amplitude is not None:
         epsilon = np.asarray(amplitude) / mean
-    return Mesh(p.get("name", ""), direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
+    return Mesh(getattr(p, "name", ""), direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
 
 
 def _ratio(mean: Array, amplitude: Array) -> Array:

@@ -19,6 +19,7 @@ from gearstab.config.model.fields import (
     Time,
     Whole,
 )
+from gearstab.config.model.reading import known
 
 LENGTHS = ("cycles", "duration", "until")
 """Ways to say how long a response is."""
@@ -29,31 +30,23 @@ class PairInitial(Section):
 
     misplaced: ClassVar[dict[str, str]] = {"theta_dot": "give respond.speed, of the driving gear"}
 
-    phi: Annotated[float, Quantity("rad")] | None = Field(
-        default=None,
-        title="initial deflection",
-        description="phi = (N1 theta1 - N2 theta2)/2 (rad); the static deflection T0/k without.",
-    )
-    phi_dot: Annotated[float, Quantity("rad/s")] = Field(
-        default=0.0, title="initial rate of deflection", description="d phi/dt (rad/s)."
-    )
-    theta: Annotated[float, Quantity("rad")] = Field(
-        default=0.0, title="initial rotation", description="theta = (N1 theta1 + N2 theta2)/2, 2 pi a mesh cycle (rad)."
-    )
+    phi: Annotated[float, Quantity("rad")] | None = Field(default=None, title="initial deflection")
+    """phi = (N1 theta1 - N2 theta2)/2 (rad); the static deflection T0/k without."""
+    phi_dot: Annotated[float, Quantity("rad/s")] = Field(default=0.0, title="initial rate of deflection")
+    """d phi/dt (rad/s)."""
+    theta: Annotated[float, Quantity("rad")] = Field(default=0.0, title="initial rotation")
+    """theta = (N1 theta1 + N2 theta2)/2, 2 pi a mesh cycle (rad)."""
 
 
 class PairSpectrum(Section):
     """How the power spectral density of phi is made."""
 
-    discard: NonNegative = Field(
-        default=0.0, title="discarded cycles", description="Mesh cycles at the initial speed left out at the beginning."
-    )
-    window: Annotated[str, Choice("window", ("hann", "boxcar"))] = Field(
-        default="hann", title="window", description="hann, or boxcar for a response that repeats itself exactly."
-    )
-    peaks: Annotated[int, Field(ge=1, le=1000), Whole] = Field(
-        default=20, title="number of peaks", description="How many of the largest peaks are listed."
-    )
+    discard: NonNegative = Field(default=0.0, title="discarded cycles")
+    """Mesh cycles at the initial speed left out at the beginning."""
+    window: Annotated[str, Choice("window", ("hann", "boxcar"))] = "hann"
+    """hann, or boxcar for a response that repeats itself exactly."""
+    peaks: Annotated[int, Field(ge=1, le=1000), Whole] = Field(default=20, title="number of peaks")
+    """How many of the largest peaks are listed."""
 
 
 class PairRespond(Section):
@@ -63,32 +56,22 @@ class PairRespond(Section):
         "mesh_frequency": "give speed, of the driving gear: its mesh frequency is N1 times that"
     }
 
-    speed: AngularFrequency = Field(
-        title="initial speed", description='Of the driving gear (rad/s, or "600 rpm"); theta\' = N1 times that.'
-    )
-    cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
-        default=None, title="cycles", description="How long, in mesh cycles, 2 pi of theta each; or give duration."
-    )
-    duration: Time | None = Field(default=None, title="duration", description="How long (s); or give cycles.")
-    until: Annotated[str, Choice("end", ("stalled",))] | None = Field(
-        default=None, title="until", description="stalled: until the gears are trapped with one pair in contact."
-    )
-    initial: PairInitial = Field(
-        default=PairInitial(), title="initial state", description="phi, phi_dot and theta; default static deflection."
-    )
-    hold_speed: Flag = Field(
-        default=False,
-        title="speed held",
-        description="Begin on the periodic orbit of the mean speed given, which an unbalanced torque then holds.",
-    )
-    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole] = Field(
-        default=200, title="samples per cycle", description="Stored samples in a mesh cycle at the initial speed."
-    )
-    spectrum: PairSpectrum = Field(
-        default=PairSpectrum(),
-        title="spectrum",
-        description="discard, window and peaks of the power spectral density of phi.",
-    )
+    speed: AngularFrequency = Field(title="initial speed")
+    """Of the driving gear (rad/s, or "600 rpm"); theta' = N1 times that."""
+    cycles: Annotated[float, Field(gt=0), Quantity()] | None = None
+    """How long, in mesh cycles, 2 pi of theta each; or give duration."""
+    duration: Time | None = None
+    """How long (s); or give cycles."""
+    until: Annotated[str, Choice("end", ("stalled",))] | None = None
+    """stalled: until the gears are trapped with one pair in contact."""
+    initial: PairInitial = Field(default=PairInitial(), title="initial state")
+    """phi, phi_dot and theta; default static deflection."""
+    hold_speed: Flag = Field(default=False, title="speed held")
+    """Begin on the periodic orbit of the mean speed given, which an unbalanced torque then holds."""
+    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole] = 200
+    """Stored samples in a mesh cycle at the initial speed."""
+    spectrum: PairSpectrum = PairSpectrum()
+    """discard, window and peaks of the power spectral density of phi."""
 
     frequency_key: ClassVar[str] = "speed"
 
@@ -96,41 +79,27 @@ class PairRespond(Section):
         """Return the section as it is: nothing in it has one number for each coordinate, or another axis."""
         return self
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any], system: dict[str, Any], size: int | None) -> Iterator[Conflict]:
+    def conflicts(self, system: Any, size: int | None) -> Iterator[Conflict]:
         """One length of time; only what loses energy can stall, and only what may change its speed can be held."""
-        yield from exactly_one(raw, LENGTHS)
-        if raw.get("hold_speed"):
-            yield from cls._held(raw, system)
-        if raw.get("until") is None:
+        yield from exactly_one(self, LENGTHS)
+        if self.hold_speed:
+            yield from known(self._held(system))
+        if self.until is None:
             return
-        if system.get("formulation", "classical") != "energy_conserving":
-            yield (
-                ("until",),
-                "not_applicable",
-                "only the energy_conserving formulation stalls",
-                "give cycles or duration",
-            )
-        elif not system.get("damping_ratio"):
-            yield (
-                ("until",),
-                "needs_other",
-                "without damping the energy is constant",
-                "give a damping_ratio, or cycles or duration",
-            )
+        if system.formulation != "energy_conserving":
+            message = "only the energy_conserving formulation stalls"
+            yield ("until",), "not_applicable", message, "give cycles or duration"
+        elif not system.damping_ratio:
+            hint = "give a damping_ratio, or cycles or duration"
+            yield ("until",), "needs_other", "without damping the energy is constant", hint
 
-    @staticmethod
-    def _held(raw: dict[str, Any], system: dict[str, Any]) -> Iterator[Conflict]:
+    def _held(self, system: Any) -> Iterator[Conflict]:
         """Fields that contradict a held speed."""
-        if system.get("formulation", "classical") == "classical":
+        if system.formulation == "classical":
             yield ("hold_speed",), "not_applicable", "the classical formulation keeps its speed by itself", "remove it"
         # A configuration as resolved names the zeros that were not given.
-        if any(value not in (None, 0) for value in (raw.get("initial") or {}).values()):
-            yield (
-                ("initial",),
-                "not_applicable",
-                "hold_speed begins on the periodic orbit",
-                "remove initial or hold_speed",
-            )
-        if raw.get("until") is not None:
+        if any(value not in (None, 0) for _, value in self.initial):
+            message = "hold_speed begins on the periodic orbit"
+            yield ("initial",), "not_applicable", message, "remove initial or hold_speed"
+        if self.until is not None:
             yield ("until",), "not_applicable", "with hold_speed the gears never stall", "give cycles or duration"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Annotated, Any
 
@@ -29,48 +29,36 @@ Drag = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 class RotationSection(Section):
     """A speed of rotation W, and matrices that act with it: W G q' + (W H + W^2 K) q."""
 
-    speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(
-        default=None,
-        title="speed ratio of a rotation",
-        description='W/Omega, exact: "1/25", or -1 for the other sense; or give speed.',
-    )
-    speed: Annotated[float, Quantity("rad/s")] | None = Field(
-        default=None,
-        title="speed of a rotation",
-        description='W, held whatever the mesh frequency (rad/s, "1500 rpm"); or give speed_ratio.',
-    )
-    gyroscopic: list[list[Inertia]] | None = Field(
-        default=None, title="gyroscopic matrix", description="G in W G q', skew (kg, or kg m^2 of rotations)."
-    )
-    centripetal: list[list[Inertia]] | None = Field(
-        default=None,
-        title="centripetal matrix",
-        description="K in W^2 K q, symmetric and added, so negative where rotation softens (kg, or kg m^2).",
-    )
-    circulatory: list[list[Drag]] | None = Field(
-        default=None, title="circulatory matrix", description="H in W H q, of rotating damping (N s/m, or N m s)."
-    )
+    speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(default=None, title="speed ratio of a rotation")
+    """W/Omega, exact: "1/25", or -1 for the other sense; or give speed."""
+    speed: Annotated[float, Quantity("rad/s")] | None = Field(default=None, title="speed of a rotation")
+    """W, held whatever the mesh frequency (rad/s, "1500 rpm"); or give speed_ratio."""
+    gyroscopic: list[list[Inertia]] | None = Field(default=None, title="gyroscopic matrix")
+    """G in W G q', skew (kg, or kg m^2 of rotations)."""
+    centripetal: list[list[Inertia]] | None = Field(default=None, title="centripetal matrix")
+    """K in W^2 K q, symmetric and added, so negative where rotation softens (kg, or kg m^2)."""
+    circulatory: list[list[Drag]] | None = Field(default=None, title="circulatory matrix")
+    """H in W H q, of rotating damping (N s/m, or N m s)."""
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any], size: int | None, of_file: bool) -> Iterator[Conflict]:
+    def conflicts(self, size: int | None, of_file: bool) -> Iterator[Conflict]:
         """One speed, and matrices of the size of the system; of_file: whether a file may hold the matrices."""
-        yield from exactly_one(raw, ("speed_ratio", "speed"))
-        if not of_file and all(raw.get(name) is None for name in OF_ROTATION):
+        yield from exactly_one(self, ("speed_ratio", "speed"))
+        if not of_file and all(self[name] is None for name in OF_ROTATION):
             yield (), "missing", "has no matrix", f"add {', '.join(OF_ROTATION[:-1])} or {OF_ROTATION[-1]}"
         for name in OF_ROTATION:
-            yield from not_square(raw, name, size)
+            yield from not_square(self, name, size)
 
 
-def rotations(p: Any) -> tuple[Rotation, ...]:
-    """Return the rotations of a section; a speed ratio of 0 is none."""
+def rotations(sections: Sequence[RotationSection]) -> tuple[Rotation, ...]:
+    """Return the rotations that sections describe; a speed ratio of 0 is none."""
     return tuple(
         Rotation(
-            part.get("speed_ratio"),
-            np.asarray(part.get("speed") or 0.0, dtype=float),
-            **{name: matrix(part[name]) for name in OF_ROTATION if part.get(name) is not None},
+            part.speed_ratio,
+            np.asarray(0.0 if part.speed is None else part.speed, dtype=float),
+            **{name: matrix(part[name]) for name in OF_ROTATION if part[name] is not None},
         )
-        for part in p.rotation
-        if part.get("speed_ratio") != 0
+        for part in sections
+        if part.speed_ratio != 0
     )
 
 
@@ -79,7 +67,7 @@ def check_rotation(document: Document, system: Any) -> None:
     table = (("gyroscopic", 1.0, "skew", "-"), ("centripetal", -1.0, "symmetric", ""))
     for place, part in items(system.rotation):
         for name, sign, kind, minus in table:
-            if part.get(name) is None:
+            if part[name] is None:
                 continue
             full = matrix(part[name])
             values = full.reshape(-1, *full.shape[-2:])[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Annotated, Any
 
@@ -36,19 +36,17 @@ OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 class VaryingNumber(Section):
     """A number that may vary periodically, mean + 2 amplitude w(x)."""
 
-    contact_ratio: ContactRatio | None = Field(
-        default=None, title="contact ratio of a term", description="c >= 1, of a waveform that has one (1)."
-    )
-    waveform: WaveformSection | None = Field(
-        default=None, title="waveform of a term", description="w, rectangular without, where there is an amplitude."
-    )
+    contact_ratio: ContactRatio | None = Field(default=None, title="contact ratio of a term")
+    """c >= 1, of a waveform that has one (1)."""
+    waveform: WaveformSection | None = Field(default=None, title="waveform of a term")
+    """w, rectangular without, where there is an amplitude."""
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self) -> Iterator[Conflict]:
         """A mean or an amplitude, and a waveform that is complete where anything varies."""
-        wave = wave_of(raw.get("waveform"))
-        if all(raw.get(key) is None for key in ("amplitude", "contact_ratio", "waveform")):
-            if raw.get("mean") is None:
+        wave = wave_of(self.waveform)
+        amplitude = self["amplitude"]
+        if amplitude is None and self.contact_ratio is None and self.waveform is None:
+            if self["mean"] is None:
                 yield (), "missing", "has neither mean nor amplitude", "add mean, or amplitude and waveform"
             return
         if wave is not None and wave.of_teeth:
@@ -59,94 +57,72 @@ class VaryingNumber(Section):
                 "choose another waveform, such as fourier or sampled",
             )
             return
-        if raw.get("amplitude") is None and wave is not None and not wave.own_variation:
+        if amplitude is None and wave is not None and not wave.own_variation:
             yield ("amplitude",), "missing", "is missing", "add amplitude: half the peak-to-peak of the variation"
-        yield from shape_conflicts(raw, "c >= 1, the contact ratio of the wave")
+        yield from shape_conflicts(self, "c >= 1, the contact ratio of the wave")
 
 
 class StiffnessPart(VaryingNumber):
     """The stiffness of a term."""
 
-    mean: OfStiffness | None = Field(
-        default=None, title="mean stiffness of a term", description="Its mean (N/m); 0 or that of the samples without."
-    )
-    amplitude: OfStiffness | None = Field(
-        default=None,
-        title="stiffness amplitude of a term",
-        description="Half the peak-to-peak of its variation (N/m); constant, or that of the samples, without.",
-    )
+    mean: OfStiffness | None = Field(default=None, title="mean stiffness of a term")
+    """Its mean (N/m); 0 or that of the samples without."""
+    amplitude: OfStiffness | None = Field(default=None, title="stiffness amplitude of a term")
+    """Half the peak-to-peak of its variation (N/m); constant, or that of the samples, without."""
 
 
 class DampingPart(VaryingNumber):
     """The damping of a term."""
 
-    mean: OfDamping | None = Field(
-        default=None, title="mean damping of a term", description="Its mean (N s/m); 0 or that of the samples without."
-    )
-    amplitude: OfDamping | None = Field(
-        default=None,
-        title="damping amplitude of a term",
-        description="Half the peak-to-peak of its variation (N s/m); constant, or that of the samples, without.",
-    )
+    mean: OfDamping | None = Field(default=None, title="mean damping of a term")
+    """Its mean (N s/m); 0 or that of the samples without."""
+    amplitude: OfDamping | None = Field(default=None, title="damping amplitude of a term")
+    """Half the peak-to-peak of its variation (N s/m); constant, or that of the samples, without."""
 
 
 class Term(Section):
     """a(x) u v^T in the stiffness matrix and c(x) u v^T in the damping matrix."""
 
-    name: NameText | None = Field(
-        default=None, title="name of the term", description="What paths and messages call it."
-    )
-    left: Vector = Field(title="left vector", description="u, along which the term acts (1).")
-    right: Vector = Field(title="right vector", description="v: the term acts on v . q and v . q' (1).")
-    stiffness: StiffnessPart | None = Field(
-        default=None, title="stiffness of a term", description="a(x): mean, amplitude, waveform."
-    )
-    damping: DampingPart | None = Field(
-        default=None, title="damping of a term", description="c(x): mean, amplitude, waveform."
-    )
-    exact: Flag = Field(
-        default=True,
-        title="exact frequency ratio of a term",
-        description="false: frequency_ratio is a decimal that stands for an irrational number.",
-    )
-    frequency_ratio: AnyRatio = Field(
-        default=Fraction(1),
-        title="frequency ratio of a term",
-        description='Its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
-    )
-    lag: Turns = Field(
-        default=0.0, title="lag of a term", description="It begins this fraction of its own period late (1)."
-    )
+    name: NameText | None = Field(default=None, title="name of the term")
+    """What paths and messages call it."""
+    left: Vector = Field(title="left vector")
+    """u, along which the term acts (1)."""
+    right: Vector = Field(title="right vector")
+    """v: the term acts on v . q and v . q' (1)."""
+    stiffness: StiffnessPart | None = Field(default=None, title="stiffness of a term")
+    """a(x): mean, amplitude, waveform."""
+    damping: DampingPart | None = Field(default=None, title="damping of a term")
+    """c(x): mean, amplitude, waveform."""
+    exact: Flag = Field(default=True, title="exact frequency ratio of a term")
+    """false: frequency_ratio is a decimal that stands for an irrational number."""
+    frequency_ratio: AnyRatio = Field(default=Fraction(1), title="frequency ratio of a term")
+    """Its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2"; see exact."""
+    lag: Turns = Field(default=0.0, title="lag of a term")
+    """It begins this fraction of its own period late (1)."""
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any], size: int | None) -> Iterator[Conflict]:
+    def conflicts(self, size: int | None) -> Iterator[Conflict]:
         """A stiffness or a damping, and vectors of the size of the system that are not zero."""
-        if raw.get("stiffness") is None and raw.get("damping") is None:
-            yield (
-                (),
-                "missing",
-                "has neither stiffness nor damping",
-                "add stiffness: {mean: ..}, or damping: {mean: ..}",
-            )
+        if self.stiffness is None and self.damping is None:
+            hint = "add stiffness: {mean: ..}, or damping: {mean: ..}"
+            yield (), "missing", "has neither stiffness nor damping", hint
         for key in ("stiffness", "damping"):
-            yield from within(raw, key, VaryingNumber.conflicts)
+            yield from within(self, key, lambda part: part.conflicts())
         for key in ("left", "right"):
-            yield from no_direction(raw, key, size, "let the term act on at least one coordinate")
+            yield from no_direction(self, key, size, "let the term act on at least one coordinate")
 
 
-def periodic_terms(p: Any) -> tuple[PeriodicTerm, ...]:
-    """The terms of ``p["terms"]``.
+def periodic_terms(sections: Sequence[Term]) -> tuple[PeriodicTerm, ...]:
+    """Return terms.
 
     Each has ``left`` u, ``right`` v, ``stiffness`` a(x) and ``damping`` c(x) (``mean``, ``amplitude``, ``waveform``,
     ``contact_ratio``: mean + 2 amplitude w(x)), ``frequency_ratio`` and ``lag``, in periods of its own.
     """
     return tuple(
         PeriodicTerm(
-            part.get("name") or f"term{i + 1}", vector(part["left"]), vector(part["right"]),
-            _profile(part.get("stiffness")), _profile(part.get("damping")), part["frequency_ratio"],
-            np.asarray(part.get("lag", 0.0), dtype=float),
+            part.name or f"term{i + 1}", vector(part.left), vector(part.right),
+            _profile(part.stiffness), _profile(part.damping), part.frequency_ratio, np.asarray(part.lag, dtype=float),
         )
-        for i, part in enumerate(p.get("terms") or [])
+        for i, part in enumerate(sections)
     )  # fmt: skip
 
 
@@ -170,13 +146,14 @@ def antisymmetric_terms(name: str, part: str, matrix: Array) -> list[dict[str, A
     ]
 
 
-def _profile(p: Any) -> Profile | None:
+def _profile(p: StiffnessPart | DampingPart | None) -> Profile | None:
     if p is None:
         return None
-    mean, amplitude = p.get("mean"), p.get("amplitude")
-    if all(p.get(key) is None for key in ("amplitude", "contact_ratio", "waveform")):
+    mean: Any = p.mean
+    amplitude: Any = p.amplitude
+    if amplitude is None and p.contact_ratio is None and p.waveform is None:
         return Constant(np.asarray(mean, dtype=float))
-    wave = build_waveform(p)
+    wave = build_waveform(p.waveform, p.contact_ratio)
     mean = wave.mean_stiffness if mean is None else mean
     amplitude = wave.amplitude if amplitude is None else amplitude
     return Scaled(wave, np.asarray(mean, dtype=float), 2 * np.asarray(amplitude, dtype=float))

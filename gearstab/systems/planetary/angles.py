@@ -18,11 +18,10 @@ FIT = 1e-3
 """Parts of the least turn between two places of a planet by which a typed angle may be off one of them."""
 
 
-def angles_of(p: Any) -> list[Array]:
-    """psi_1..psi_N, any of which may have a batch shape: ``angles``, or 2 pi (n - 1)/N."""
-    given, planets = p.get("angles"), int(p["planets"])
+def angles_of(planets: Any, given: Sequence[Any] | None) -> list[Array]:
+    """Return psi_1..psi_N, any of which may have a batch shape: those given, or 2 pi (n - 1)/N of N planets."""
     if given is None:
-        return [np.asarray(tau * n / planets) for n in range(planets)]
+        return [np.asarray(tau * n / int(planets)) for n in range(int(planets))]
     return [np.asarray(angle, dtype=float) for angle in given]
 
 

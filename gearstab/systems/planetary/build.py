@@ -57,26 +57,30 @@ def build(p: Any) -> GearSystem:
     misprinted there (derivatives in L2 act on v and v is projected on |m| >= 2; b_r of L4 depends on n and belongs
     inside the sum; M_j divides by r^2 twice). Rotational model: Lin & Parker 2002 (J. Sound Vib. 249, 129-145).
     """
-    gear = _Gear(int(p["planets"]), tuple(angles_of(p)), _harmonics(p["ring"]), p["motion"] == "planar")
-    symmetric = p.get("angles") is None
-    angle = {name: np.asarray(p["pressure_angles"][name], dtype=float) for name in ("sun", "ring")}
+    gear = _Gear(int(p.planets), tuple(angles_of(p.planets, p.angles)), _harmonics(p.ring), p.motion == "planar")
+    symmetric = p.angles is None
+    angle = {name: np.asarray(p.pressure_angles[name], dtype=float) for name in ("sun", "ring")}
     meshes = [
-        MeshElement(p["meshes"][name] | {"name": f"{name}{n}"}, _mesh_row(gear, name, n, angle[name]), lag=lag[n - 1])
+        MeshElement(
+            p.meshes[name].model_copy(update={"name": f"{name}{n}"}),
+            _mesh_row(gear, name, n, angle[name]),
+            lag=lag[n - 1],
+        )
         for name, lag in lags(p, gear.planets).items()
         for n in gear.numbers
     ]
     elements = [*_bodies(gear, p, angle["ring"]), *_supports(gear, p, angle["ring"])]
-    torques = p.get("load")
+    torques = p.load
     system = Assembly(Coordinates(dict.fromkeys(gear.names, "m")), elements, meshes).system(
         p,
-        {f"{body}_rotation": torques.get(body, 0.0) for body in CENTRAL} if torques else None,
+        {f"{body}_rotation": torques[body] for body in CENTRAL} if torques else None,
         symmetries=(gear.cyclic(),) if symmetric else (),
         drawing={} if symmetric else {"planet_angles": vector(gear.angles)},
     )
     system = replace(system, rotations=rotations(p, system.mass, gear.frame(), gear.names.index("carrier_rotation")))
-    if p["scaling"] == "SI":
+    if p.scaling == "SI":
         return system
-    return system.scaled(np.asarray(p["masses"]["ring"], dtype=float), meshes[-1].wave.mean_stiffness)
+    return system.scaled(np.asarray(p.masses.ring, dtype=float), meshes[-1].wave.mean_stiffness)
 
 
 def size(planets: int, harmonics: int, motion: str) -> int:
@@ -96,7 +100,7 @@ def _mesh_row(gear: _Gear, name: str, n: int, angle: Array) -> Row:
 
 def _harmonics(ring: Any) -> int:
     """J, the largest number of waves around the ring; 1, its rigid motion alone, of a rigid ring."""
-    return int(ring["harmonics"]) if ring["kind"] == "elastic" else 1
+    return int(ring.harmonics) if ring.kind == "elastic" else 1
 
 
 @dataclass(frozen=True)
@@ -161,13 +165,13 @@ class _Gear(SetRows):
 
 def _bodies(gear: _Gear, p: Any, ring_angle: Array) -> Iterator[Element]:
     """Yield the masses; int cos^2 + m^2 sin^2 over 2 pi of the ring's is (1 + m^2)/2."""
-    masses, inertias = p["masses"], p["inertias"]
-    ring = np.asarray(masses["ring"], dtype=float)
-    thin = ring / np.cos(ring_angle) ** 2 if inertias.get("ring") is None else None
+    masses, inertias = p.masses, p.inertias
+    ring = np.asarray(masses.ring, dtype=float)
+    thin = ring / np.cos(ring_angle) ** 2 if inertias.ring is None else None
     for body in (*CENTRAL, *(f"planet{n}" for n in gear.numbers)):
         kind = body.rstrip("0123456789")
         for along in ((1.0, 0.0), (0.0, 1.0)):
-            yield Element(gear.shift(body, *along), mass=0.0 if masses.get(kind) is None else masses[kind])
+            yield Element(gear.shift(body, *along), mass=0.0 if masses[kind] is None else masses[kind])
         yield Element({f"{body}_rotation": 1.0}, mass=thin if kind == "ring" and thin is not None else inertias[kind])
     for m in gear.waves:
         for kind in "cs":
@@ -176,7 +180,7 @@ def _bodies(gear: _Gear, p: Any, ring_angle: Array) -> Iterator[Element]:
 
 def _supports(gear: _Gear, p: Any, ring_angle: Array) -> Iterator[Element]:
     """Yield supports, the ring's bending and foundation, and the planet bearings between carrier and planets."""
-    given: dict[str, Array] = {key: np.asarray(value, dtype=float) for key, value in held(p["supports"]).items()}
+    given: dict[str, Array] = {key: np.asarray(value, dtype=float) for key, value in held(p.supports).items()}
     zero = np.zeros(())
     radial, tangential = (given.get(f"ring_{way}", zero) for way in ("radial", "tangential"))
     springs = given | {
@@ -189,7 +193,7 @@ def _supports(gear: _Gear, p: Any, ring_angle: Array) -> Iterator[Element]:
         twist = f"{body}_rotation"
         yield Element({twist: 1.0}, stiffness=springs.get(twist, zero), name=twist)
     for m in gear.waves:
-        bending = np.asarray(p["ring"]["bending_stiffness"], dtype=float) * (m * (m**2 - 1)) ** 2
+        bending = np.asarray(p.ring.bending_stiffness, dtype=float) * (m * (m**2 - 1)) ** 2
         for kind in "cs":
             yield Element({f"ring_{kind}{m}": 1.0}, stiffness=np.pi * (bending + tangential + m**2 * radial))
     for n in gear.numbers if gear.planar else ():

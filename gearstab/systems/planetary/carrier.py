@@ -11,8 +11,9 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict, exactly_one, within
+from gearstab.config.model.conflicts import Conflict, exactly_one
 from gearstab.config.model.fields import Flag, Quantity, Ratio, Section
+from gearstab.config.model.reading import known, told
 from gearstab.rotation import Rotation
 from gearstab.system import Array
 from gearstab.systems.planetary.phasing import Turning
@@ -21,26 +22,17 @@ FROM_TEETH = "from_teeth"
 """Written in place of the speed: as the teeth, input and fixed body say."""
 
 
-AT_REST = ({"speed_ratio": 0}, {"speed_ratio": "0"})
-"""Written out, a carrier that does not turn: nothing depends on it, whatever the gear."""
-
-
 class CarrierSpeed(Section):
     """W_c, counter-clockwise positive as planets are numbered: a part of the mesh frequency, or held."""
 
     speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(
-        default=None,
-        title="speed ratio of the carrier",
-        description='W_c/Omega, exact: "1/99"; or in short; 0: at rest.',
+        default=None, title="speed ratio of the carrier"
     )
-    speed: Annotated[float, Quantity("rad/s")] | None = Field(
-        default=None,
-        title="speed of the carrier",
-        description='W_c, held whatever the mesh frequency (rad/s, "30 rpm").',
-    )
-    from_teeth: Flag = Field(
-        default=False, title="speed from the teeth", description="W_c/Omega of teeth, input and fixed; or in short."
-    )
+    """W_c/Omega, exact: "1/99"; or in short; 0: at rest."""
+    speed: Annotated[float, Quantity("rad/s")] | None = Field(default=None, title="speed of the carrier")
+    """W_c, held whatever the mesh frequency (rad/s, "30 rpm")."""
+    from_teeth: Flag = Field(default=False, title="speed from the teeth")
+    """W_c/Omega of teeth, input and fixed; or in short."""
 
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any]) -> None:
@@ -50,25 +42,26 @@ class CarrierSpeed(Section):
             key, value = ("from_teeth", True) if short == FROM_TEETH else ("speed_ratio", short)
             document.put(path, {key: value}, document.where(path))
 
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(self, gear: Any) -> Iterator[Conflict]:
         """One speed, of a gear whose bodies move in the plane and whose elastic ring does not turn."""
-        given = raw.get("carrier_speed")
-        if given is None or given in AT_REST:
-            return
-        if not given.get("from_teeth"):
-            yield from within(raw, "carrier_speed", lambda part: exactly_one(part, ("speed_ratio", "speed")))
-        elif not raw.get("teeth"):
-            yield ("carrier_speed",), "needs_other", "needs the numbers of teeth", "add teeth, or give the ratio"
-        if raw.get("motion", "planar") != "planar":
+        if told(lambda: self.speed_ratio == 0 and self.speed is None and not self.from_teeth):
+            return  # a carrier that does not turn: nothing depends on it, whatever the gear
+        if not self.from_teeth:
+            yield from exactly_one(self, ("speed_ratio", "speed"))
+        elif not gear.teeth:
+            yield (), "needs_other", "needs the numbers of teeth", "add teeth, or give the ratio"
+        if gear.motion != "planar":
             hint = "remove it, or take motion: planar"
-            yield ("carrier_speed",), "not_applicable", "acts on translations, and bodies only rotate", hint
-        if (raw.get("ring") or {}).get("kind") == "elastic" and raw.get("fixed", "ring") != "ring":
-            message = "an elastic ring that turns is stretched by its own speed, which is not modelled"
-            yield ("carrier_speed",), "not_applicable", message, "take fixed: ring, or a rigid ring"
-        if raw.get("pin_preload", True) and (raw.get("supports") or {}).get("planet") == 0:
+            yield (), "not_applicable", "acts on translations, and bodies only rotate", hint
+        yield from known(self._turning(gear))
+        if gear.pin_preload and gear.supports.planet == 0:
             hint = "give supports.planet, or set pin_preload: false"
-            yield ("carrier_speed",), "inconsistent", "no bearing keeps the planets from flying off", hint
+            yield (), "inconsistent", "no bearing keeps the planets from flying off", hint
+
+    def _turning(self, gear: Any) -> Iterator[Conflict]:
+        if gear.ring.kind == "elastic" and gear.fixed != "ring":
+            message = "an elastic ring that turns is stretched by its own speed, which is not modelled"
+            yield (), "not_applicable", message, "take fixed: ring, or a rigid ring"
 
 
 def rotations(p: Any, mass: Array, frame: Array, carrier: int) -> tuple[Rotation, ...]:
@@ -86,18 +79,18 @@ def rotations(p: Any, mass: Array, frame: Array, carrier: int) -> tuple[Rotation
 
     Sources: Lin & Parker 1999 (J. Vib. Acoust. 121, 316-321), without the preload, which is derived here.
     """
-    given = p.get("carrier_speed") or {}
-    ratio, teeth = given.get("speed_ratio"), p.get("teeth")
-    if given.get("from_teeth") and teeth and (moving := Turning.of(p, int(teeth["sun"]), int(teeth["ring"]))):
+    given, teeth = p.carrier_speed or CarrierSpeed(), p.teeth
+    ratio = given.speed_ratio
+    if given.from_teeth and teeth and (moving := Turning.of(p, int(teeth.sun), int(teeth.ring))):
         ratio = moving.carrier
-    if not ratio and not np.any(given.get("speed") or 0.0):
+    if not ratio and not np.any(0.0 if given.speed is None else given.speed):
         return ()
-    speed, back = np.asarray(given.get("speed") or 0.0, dtype=float), frame.T
+    speed, back = np.asarray(0.0 if given.speed is None else given.speed, dtype=float), frame.T
     rotation = Rotation(ratio, speed, gyroscopic=mass @ frame - back @ mass, centripetal=-back @ mass @ frame)
-    if not p.get("pin_preload", True):
+    if not p.pin_preload:
         return (rotation,)
     # W^2 m_p k_p/(k_p - W^2 m_p) of each planet.
-    own, bearing = (np.asarray(p[section]["planet"], dtype=float) for section in ("masses", "supports"))
+    own, bearing = (np.asarray(section.planet, dtype=float) for section in (p.masses, p.supports))
     place = np.zeros(frame.shape)
-    place[carrier, carrier] = float(p["planets"])
+    place[carrier, carrier] = float(p.planets)
     return (replace(rotation, preload=own[..., None, None] * place, softening=own / bearing),)

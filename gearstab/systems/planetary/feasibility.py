@@ -26,20 +26,20 @@ MOST_ASSEMBLIES = 100_000
 def check_assembly(document: Document, grid: Grid[Any]) -> None:
     """Report the first point of the grid, over axes of OF_ASSEMBLY, at which the gear cannot be assembled."""
     axes = [axis for axis in grid.axes if any(item.path[0] in OF_ASSEMBLY for item in axis.assignments)]
-    if grid.system.get("teeth") is None:
+    if grid.system.teeth is None:
         return
     for places in islice(product(*(range(axis.size) for axis in axes)), MOST_ASSEMBLIES):
         at = {axis.name: np.array(k) for axis, k in zip(axes, places, strict=True)}
         p = grid.at(at)
-        sun, planet, ring = (int(p["teeth"][name]) for name in ("sun", "planet", "ring"))
-        wrong = next(assembly(sun, planet, ring, int(p["planets"]), p.get("angles")), None)
+        sun, planet, ring = int(p.teeth.sun), int(p.teeth.planet), int(p.teeth.ring)
+        wrong = next(assembly(sun, planet, ring, int(p.planets), p.angles), None)
         if wrong is not None and not axes:
             path, code, message, hint = wrong
             document.report(("system", *path), code, message, hint)
         elif wrong is not None:
             values = ", ".join(f"{axis.name} = {axis.values[k]}" for axis, k in zip(axes, places, strict=True))
             hint = "tie teeth.sun, teeth.planet and teeth.ring to one axis, or let gearstab design go through them"
-            numbers = f"z_s, z_p, z_r = {sun}, {planet}, {ring} with {p['planets']} planets"
+            numbers = f"z_s, z_p, z_r = {sun}, {planet}, {ring} with {p.planets} planets"
             said = f"cannot be assembled at {values}: {numbers}"
             document.report(("sweep", axes[0].name), "impossible", said, hint)
             return

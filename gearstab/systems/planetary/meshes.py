@@ -32,34 +32,23 @@ class PlanetaryMesh(ToothMesh, StiffnessOfTeeth):
 class Meshes(Section):
     """Both kinds of meshes."""
 
-    sun: PlanetaryMesh = Field(title="sun's meshes", description="Each planet with the sun.")
-    ring: PlanetaryMesh = Field(title="ring's meshes", description="Each planet with the ring.")
+    sun: PlanetaryMesh = Field(title="sun's meshes")
+    """Each planet with the sun."""
+    ring: PlanetaryMesh = Field(title="ring's meshes")
+    """Each planet with the ring."""
 
 
 class Phases(Section):
     """Mesh phases, as lags in periods of the mesh."""
 
-    sun: list[Turns] | None = Field(
-        default=None,
-        title="phase of a sun's mesh",
-        description="gamma_sn, one per planet, of the waves of the sun's meshes (1); all 0, in phase, without.",
-    )
-    sun_ring: Turns | None = Field(
-        default=None,
-        title="phase of the ring's meshes",
-        description="gamma_sr: the ring's mesh of a planet lags its sun's mesh by this (1); 0 or from teeth without.",
-    )
-    rule: Annotated[str, Choice("rule", tuple(RULES))] | None = Field(
-        default=None,
-        title="rule of the ring's lag",
-        description="With teeth: gamma_sr from entry to entry, the default with gears, or from pitch_point to "
-        "pitch_point, without.",
-    )
-    drives: Annotated[str, Choice("driving gear", DRIVES)] | None = Field(
-        default=None,
-        title="driving gear",
-        description="With teeth: which gear drives in the sun's meshes; it follows from input and fixed without.",
-    )
+    sun: list[Turns] | None = Field(default=None, title="phase of a sun's mesh")
+    """gamma_sn, one per planet, of the waves of the sun's meshes (1); all 0, in phase, without."""
+    sun_ring: Turns | None = Field(default=None, title="phase of the ring's meshes")
+    """gamma_sr: the ring's mesh of a planet lags its sun's mesh by this (1); 0 or from teeth without."""
+    rule: Annotated[str, Choice("rule", tuple(RULES))] | None = Field(default=None, title="rule of the ring's lag")
+    """With teeth: gamma_sr from entry to entry, the default with gears, or from pitch_point to pitch_point, without."""
+    drives: Annotated[str, Choice("driving gear", DRIVES)] | None = Field(default=None, title="driving gear")
+    """With teeth: which gear drives in the sun's meshes; it follows from input and fixed without."""
 
 
 Teeth = Annotated[ToothCount, Field(ge=4)]
@@ -68,46 +57,38 @@ Teeth = Annotated[ToothCount, Field(ge=4)]
 class ProfileShifts(Section):
     """Profile shifts, in modules; positive ones push the flanks outwards, on the ring too."""
 
-    sun: Number | None = Field(default=None, title="profile shift of the sun", description="x_s (1).")
-    planet: Number | None = Field(default=None, title="profile shift of a planet", description="x_p (1).")
-    ring: Number | None = Field(
-        default=None,
-        title="profile shift of the ring",
-        description="x_r; gear programs often print its negative (1).",
-    )
+    sun: Number | None = Field(default=None, title="profile shift of the sun")
+    """x_s (1)."""
+    planet: Number | None = Field(default=None, title="profile shift of a planet")
+    """x_p (1)."""
+    ring: Number | None = Field(default=None, title="profile shift of the ring")
+    """x_r; gear programs often print its negative (1)."""
 
 
 class TipRadii(Section):
     """Radii of the tips."""
 
-    sun: Length | None = Field(default=None, title="tip radius of the sun", description="r_as (m).")
-    planet: Length | None = Field(default=None, title="tip radius of a planet", description="r_ap (m).")
-    ring: Length | None = Field(default=None, title="tip radius of the ring", description="r_ar, inside (m).")
+    sun: Length | None = Field(default=None, title="tip radius of the sun")
+    """r_as (m)."""
+    planet: Length | None = Field(default=None, title="tip radius of a planet")
+    """r_ap (m)."""
+    ring: Length | None = Field(default=None, title="tip radius of the ring")
+    """r_ar, inside (m)."""
 
 
 class ToothNumbers(Section):
     """Tooth numbers, from which the mesh phases follow; with gears, what else the teeth depend on."""
 
-    sun: Teeth = Field(title="teeth of the sun", description="z_s.")
-    planet: Teeth = Field(title="teeth of a planet", description="z_p.")
-    ring: Teeth = Field(
-        default=cast(Any, None),  # from the others
-        title="teeth of the ring",
-        description="z_r, z_s + 2 z_p without; others by profile shift. (z_s + z_r)/planets is whole for equal angles.",
-    )
-    centre_distance: Length | None = Field(
-        default=None,
-        title="centre distance",
-        description="a, with gears: of planet and axis (m); that of the profile shifts of sun and planet, else "
-        "m (z_s + z_r)/4 without.",
-    )
-    profile_shift: ProfileShifts | None = Field(
-        default=None,
-        title="profile shifts",
-        description="With gears (1); such as close the backlash at the centre distance without.",
-    )
-    tip_radius: TipRadii | None = Field(
-        default=None,
-        title="tip radii",
-        description="With gears (m); of addendum and profile shift without, on sun and planets cut back for clearance.",
-    )
+    sun: Teeth = Field(title="teeth of the sun")
+    """z_s."""
+    planet: Teeth = Field(title="teeth of a planet")
+    """z_p."""
+    ring: Teeth = Field(default=cast(Any, None), title="teeth of the ring")
+    """z_r, z_s + 2 z_p without; others by profile shift. (z_s + z_r)/planets is whole for equal angles."""
+    centre_distance: Length | None = None
+    """a, with gears: of planet and axis (m); that of the profile shifts of sun and planet, else m (z_s + z_r)/4
+    without."""
+    profile_shift: ProfileShifts | None = Field(default=None, title="profile shifts")
+    """With gears (1); such as close the backlash at the centre distance without."""
+    tip_radius: TipRadii | None = Field(default=None, title="tip radii")
+    """With gears (m); of addendum and profile shift without, on sun and planets cut back for clearance."""

@@ -39,21 +39,21 @@ class Turning:
     carrier: Fraction
 
     @classmethod
-    def of(cls, p: Any, z_s: float, z_r: float) -> Turning | None:
+    def of(cls, p: Any, z_s: float | Fraction, z_r: float | Fraction) -> Turning | None:
         """Return the motion of a section ``system``; None where its ``input`` and ``fixed`` are not two bodies."""
         shares = {"sun": Fraction(z_s), "ring": Fraction(z_r), "carrier": -Fraction(z_s) - Fraction(z_r)}
-        driving, held = p.get("input") or "sun", p.get("fixed") or "ring"
-        if driving == held or not all(body in list(shares) for body in (driving, held)):
+        driving, held = p.input, p.fixed
+        if driving == held:
             return None
         # Through the planets, sun and ring turn against each other, seen from the carrier.
         through = MeshMotion(("sun", "ring"), (shares["sun"], shares["ring"]), False, ("teeth",), "carrier")
         rules = [Relation({driving: 1}, ("input",), 1), Relation({held: 1}, ("fixed",)), through.relation]
         speeds = solve(shares, rules)
         ahead = through.relative(speeds)
-        sense, cycles = -1 if p.get("sense") == SENSES[1] else 1, through.frequency(speeds)
+        sense, cycles = -1 if p.sense == SENSES[1] else 1, through.frequency(speeds)
         relative = sense * (1 if ahead > 0 else -1)
-        given = (p.get("phases") or {}).get("drives")
-        sun_drives = given == "sun" if given in DRIVES else (ahead > 0) == (shares[driving] > 0)
+        given = None if p.phases is None else p.phases.drives
+        sun_drives = given == "sun" if given else (ahead > 0) == (shares[driving] > 0)
         torque = relative if sun_drives else -relative
         return cls(cycles, -relative, sun_drives, torque, sense * speeds["carrier"] / cycles)
 
@@ -64,15 +64,14 @@ def lags(p: Any, planets: int) -> dict[str, list[Array]]:
     Parameters: ``phases`` (``sun`` gamma_s1..gamma_sN, all 0 unless given, ``sun_ring`` gamma_sr, 0) or ``teeth`` (see
     :func:`phases_of`), where ``phases`` may still give ``sun_ring``. Source: Parker 2009, below (8).
     """
-    phases = p.get("phases") or {}
-    sun, sun_ring = phases.get("sun"), phases.get("sun_ring")
-    if (teeth := p.get("teeth")) is not None:
-        moving = Turning.of(p, int(teeth["sun"]), int(teeth["ring"]))
+    sun, sun_ring = (None, None) if p.phases is None else (p.phases.sun, p.phases.sun_ring)
+    if (teeth := p.teeth) is not None:
+        moving = Turning.of(p, int(teeth.sun), int(teeth.ring))
         turn = -1 if moving is None else moving.planets_turn
         found, lag = phases_of(teeth, planets, turn)
         sun, sun_ring = list(map(float, found)), float(lag) if sun_ring is None else sun_ring
-        if p.get("angles") is not None:
-            psi, z_s, places = angles_of(p), int(teeth["sun"]), int(teeth["sun"] + teeth["ring"])
+        if p.angles is not None:
+            psi, z_s, places = angles_of(p.planets, p.angles), int(teeth.sun), int(teeth.sun + teeth.ring)
             sun = [-turn * z_s * np.rint((angle - psi[0]) * places / tau) % places / places for angle in psi]
     first = [np.asarray(value, dtype=float) for value in (sun or [0.0] * planets)]
     between = np.asarray(0.0 if sun_ring is None else sun_ring, dtype=float)
@@ -94,5 +93,5 @@ def phases_of(teeth: Any, planets: int, planets_turn: int = -1) -> tuple[list[Fr
     Source: Parker 2009, "Parametric instabilities for in-phase meshes", for gamma_sn; Parker & Lin 2004 (J. Mech. Des.
     126, 365-370) for the definitions; gamma_sr derived here for standard teeth.
     """
-    sun = [Fraction(-planets_turn * n * teeth["sun"], planets) % 1 for n in range(planets)]
-    return sun, Fraction(teeth["planet"] + 1, 2) % 1
+    sun = [Fraction(-planets_turn * n * teeth.sun, planets) % 1 for n in range(planets)]
+    return sun, Fraction(teeth.planet + 1, 2) % 1

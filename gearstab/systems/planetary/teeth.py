@@ -22,6 +22,8 @@ from gearstab.systems.gearbox import rotors
 from gearstab.systems.gearbox.rotors import STEEL
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import TrainError
+from gearstab.systems.planetary.bodies import Inertias, Masses, PressureAngles
+from gearstab.systems.planetary.meshes import Phases
 from gearstab.systems.planetary.phasing import Turning
 
 BODIES = ("sun", "planet", "ring")
@@ -70,7 +72,7 @@ class SetTeeth:
             first, second = (
                 self.gears[b] | cut | {"profile_shift": given[b], "hand": HANDS[b]} for b in ("sun", "planet")
             )
-            centre = MeshTeeth((first, second), {}, STEEL).pairs[0].centre
+            centre = MeshTeeth((first, second), None, STEEL).pairs[0].centre
         elif centre is None:
             centre = halfway(transverse, counts["sun"], counts["ring"])
         shifts = closing_shifts(counts, module, alpha, centre, given, beta)
@@ -111,7 +113,8 @@ class SetTeeth:
 
     def _mesh(self, name: str, first: str, second: str) -> MeshTeeth:
         gears = self.cut[first], self.cut[second]
-        return MeshTeeth(gears, self.meshes[name] | {"centre_distance": self.centre}, self.material, self.force)
+        p = self.meshes[name].model_copy(update={"centre_distance": self.centre})
+        return MeshTeeth(gears, p, self.material, self.force)
 
     def filled(self, name: str) -> Any:
         """Return the parameters of the ``sun`` or the ``ring`` meshes, with what the teeth give. Raises TrainError."""
@@ -153,16 +156,16 @@ class SetTeeth:
 
 def with_teeth(p: Any) -> Any:
     """Return the parameters of a planetary gear with what its teeth give, in place of ``gears``. Raises TrainError."""
-    if p.get("gears") is None:
+    if p.gears is None:
         return p
-    counts, tips, shifts = p["teeth"], *(held(p["teeth"].get(key)) for key in ("tip_radius", "profile_shift"))
+    counts, tips, shifts = p.teeth, held(p.teeth.tip_radius), held(p.teeth.profile_shift)
     gears = {
-        body: held(p["gears"]) | {"teeth": counts[body], "internal": body == "ring", "hand": hand,
+        body: held(p.gears) | {"teeth": counts[body], "internal": body == "ring", "hand": hand,
                             "tip_radius": tips.get(body), "profile_shift": shifts.get(body)}
         for body, hand in HANDS.items()
     }  # fmt: skip
-    found = SetTeeth(gears, dict(p["meshes"]), STEEL, counts.get("centre_distance"))
-    moving, phases = Turning.of(p, counts["sun"], counts["ring"]), held(p.get("phases"))
+    found = SetTeeth(gears, dict(p.meshes), STEEL, counts.centre_distance)
+    moving, phases = Turning.of(p, counts.sun, counts.ring), held(p.phases)
     try:
         bodies = {name: found.body(name) for name in BODIES}
         angles = {
@@ -178,12 +181,15 @@ def with_teeth(p: Any) -> Any:
     # Under a clockwise torque on the sun the other flanks carry.
     flank = 1 if moving is None else moving.torque
     shifts = {body: gear["profile_shift"] for body, gear in found.cut.items()}
-    return p | {
+    masses = {name: mass for name, (mass, _) in bodies.items()}
+    pressure_angles = {name: flank * angle for name, angle in angles.items()}
+    update = {
         "gears": None,
-        "masses": {name: mass for name, (mass, _) in bodies.items()} | held(p["masses"]),
-        "inertias": inertias | held(p["inertias"]),
-        "pressure_angles": {name: flank * angle for name, angle in angles.items()} | held(p["pressure_angles"]),
-        "meshes": {name: found.filled(name) for name in ("sun", "ring")},
-        "teeth": counts | {"centre_distance": found.centre, "profile_shift": shifts},
-        "phases": phases,
+        "masses": Masses.model_construct(**masses | held(p.masses)),
+        "inertias": Inertias.model_construct(**inertias | held(p.inertias)),
+        "pressure_angles": PressureAngles.model_construct(**pressure_angles | held(p.pressure_angles)),
+        "meshes": p.meshes.model_copy(update={name: found.filled(name) for name in ("sun", "ring")}),
+        "teeth": counts.model_copy(update={"centre_distance": found.centre, "profile_shift": shifts}),
+        "phases": Phases.model_construct(**phases),
     }
+    return p.model_copy(update=update)

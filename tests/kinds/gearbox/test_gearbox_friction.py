@@ -15,7 +15,7 @@ from gearstab.gears.pair import Pair
 from gearstab.response import driven_response
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.system import GearSystem
-from gearstab.systems import build
+from gearstab.systems import build, section
 from gearstab.systems.gearbox.train import Train
 
 ALPHA = radians(20)
@@ -59,7 +59,7 @@ CASES = [(kind, sense) for kind in ("external", "driven", "driver") for sense in
 @pytest.mark.parametrize(("kind", "sense"), CASES)
 def test_friction_takes_power_and_balances(kind: str, sense: str) -> None:
     p = rubbing_pair(kind, sense)
-    system, speeds = build(p), Train(p).speeds
+    system, speeds = build(p), Train(section(p)).speeds
     turning = np.array([*(abs(float(v)) for v in speeds.values()), 0, 0, 0, 0])
     force = frictional_force(system, X)
     power = force @ turning
@@ -86,7 +86,7 @@ def test_friction_takes_power_and_balances(kind: str, sense: str) -> None:
 def test_friction_by_hand_at_a_point_of_single_contact(kind: str, sense: str) -> None:
     """Positions, velocities and torques in the plane, without base circles: psi = 0, the driver's centre at 0."""
     p = rubbing_pair(kind, sense)
-    system, train_ = build(p), Train(p)
+    system, train_ = build(p), Train(section(p))
     turn = 1 if sense == "counter-clockwise" else -1
     radii = [2e-3 * rotor["teeth"] / 2 for rotor in p["rotors"]]
     centre = np.array([radii[0] + radii[1] if kind == "external" else abs(radii[0] - radii[1]), 0.0])

@@ -18,6 +18,7 @@ from gearstab.perturbation import first_order
 from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step, type_names
 from gearstab.system import GearSystem
 from gearstab.systems import build
+from gearstab.systems.planetary.meshes import ToothNumbers
 from gearstab.systems.planetary.phasing import phases_of
 
 REFERENCE = json.loads((DATA / "planetary.json").read_text())
@@ -264,10 +265,10 @@ def with_amplitude(system: GearSystem) -> GearSystem:
 
 
 def test_phases_from_tooth_numbers():
-    sun, between = phases_of({"sun": 27, "planet": 35, "ring": 97}, 4)
+    sun, between = phases_of(ToothNumbers(sun=27, planet=35, ring=97), 4)
     assert [float(g) for g in sun] == [0.0, 0.75, 0.5, 0.25]
     assert between == 0
-    assert phases_of({"sun": 27, "planet": 36, "ring": 99}, 3)[1] == 0.5
+    assert phases_of(ToothNumbers(sun=27, planet=36, ring=99), 3)[1] == 0.5
     # (z_s + z_r)/N an integer: the ring's phases -(n - 1) z_r/N are those of the sun.
     assert [(-n * 97 / 4) % 1 for n in range(4)] == [float(g) for g in sun]
 

@@ -74,7 +74,7 @@ def test_contact_ratios_are_those_of_involutes(gear: Config) -> None:
     inside = (reach("planet", M) - reach("ring", -M) + centre * np.sin(ALPHA)) / pitch
     assert meshes["sun"]["contact_ratio"] == pytest.approx(outside, rel=1e-10)
     assert meshes["ring"]["contact_ratio"] == pytest.approx(inside, rel=1e-10)
-    assert p["pressure_angles"] == pytest.approx({"sun": ALPHA, "ring": ALPHA}, rel=1e-10)
+    assert dict(p.pressure_angles) == pytest.approx({"sun": ALPHA, "ring": ALPHA}, rel=1e-10)
 
 
 LAG = 0.1855771347643117

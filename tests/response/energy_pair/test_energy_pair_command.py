@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from energy_pair_reference import REFERENCE, W0
-from scenes import ran
+from scenes import plain, ran
 
 from gearstab.config import load
 from gearstab.config.document.problems import ConfigError
@@ -190,7 +190,7 @@ def test_a_sweep_puts_the_formulations_side_by_side(tmp_path: Path) -> None:
     path, out = written(tmp_path, SYSTEM + SWEEP), tmp_path / "map.h5"
     done = ran("sweep", path, "-o", out, "-j", "1", "-q")
     assert done.exit_code == 0, done.output
-    parameters = load(path).system
+    parameters = plain(load(path).system)
     with open_result(out) as tree:
         found = tree["floquet"].to_dataset().load()
     assert found["formulation"].values.tolist() == ["energy_conserving", "classical", "rigid_kinematic"]
