@@ -91,7 +91,7 @@ class ToleranceOptions(Section):
     samples: Annotated[int, Field(ge=16, le=1_000_000), Whole] = 1024
     """Systems at every point; a few more where that evens out."""
     seed: Annotated[int, Field(ge=0, le=2**32), Whole] = 0
-    """Of the samples, which are the same at all points."""
+    """Seed of the samples, which are the same at all points."""
     correlation: list[CorrelationOptions] | None = None
     """Pairs that are not independent (a Gaussian copula)."""
     sobol: Flag = Field(default=True, title="Sobol indices")
@@ -99,7 +99,7 @@ class ToleranceOptions(Section):
     integrate_speed: Flag = False
     """Whether an uncertain mesh frequency is integrated between exact edges; then no Sobol indices."""
     tolerance: Tolerance = 1e-6
-    """Of the multipliers, for waves that are not piecewise constant (1)."""
+    """Error of the multipliers, for waves that are not piecewise constant (1)."""
 
 
 class ToleranceAnalysis(SampledMethod):

@@ -84,7 +84,7 @@ EXEMPT = {
 
 
 def entries(folder: Path) -> list[str]:
-    """What a reader sees in a folder: not what Python and the compiler leave there."""
+    """Entries that a reader sees in a folder: not what Python and the compiler leave there."""
     return sorted(p.name for p in folder.iterdir() if p.name != "__pycache__" and p.suffix not in (".so", ".pyd"))
 
 

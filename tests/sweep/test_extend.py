@@ -34,7 +34,7 @@ def config(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def computed(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
-    """What methods were run on, and at how many points."""
+    """Methods that were run, each with its number of points."""
     found: list[tuple[str, int]] = []
     run_rows = compute.run_rows
 

@@ -277,7 +277,7 @@ def test_a_part_far_too_large_is_not_even_read(tmp_path: Path, monkeypatch: pyte
 def test_parts_that_were_refused_are_not_taken_when_a_worker_dies(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What workers left is looked for then."""
+    """Results of workers are looked for then."""
     scene = prepared(tmp_path, "floquet", monkeypatch)
     scene.forge(scene.parts[0], ANY["a byte more"])
     with closing(store.Store(scene.planned, PartFolder(scene.out, scene.planned.digest))) as there:

@@ -223,7 +223,7 @@ def work(folder: Path) -> Path:
     "command", [pytest.param(name, marks=[] if name in ("report", "check") else pytest.mark.slow) for name in LONG]
 )
 def test_a_command_at_work_ends_within_a_second(work: Path, command: str) -> None:
-    """Of processor time: what else the machine does is not the program's. The file that was there before stays."""
+    """A second of processor time, whatever else the machine does. The file that was there before stays."""
     after, args = LONG[command]
     out = work / args[3] if "-o" in args else None
     if out is not None and command != "sweep":

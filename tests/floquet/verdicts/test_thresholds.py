@@ -64,7 +64,7 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS)
 def test_damped_growth_above_rounding_is_instability(way):
-    """What grows by 4e-10 a period is unstable, and what decays by it is stable: rounding leaves less than 1e-10.
+    """Growth by 4e-10 a period is unstable, and decay by it is stable: rounding leaves less than 1e-10.
 
     q = exp(-a t) y turns M y'' + D y' + K y = 0 into M q'' + (D + 2 a M) q' + (K + a D + a^2 M) q = 0.
     """
@@ -82,7 +82,7 @@ def test_damped_growth_above_rounding_is_instability(way):
 
 
 def test_large_and_small_damped_matrices_are_said_to_be_scaled():
-    """Of multipliers beyond 2^200, or all below its inverse, with damping: the others are not marked."""
+    """Multipliers beyond 2^200, or all below its inverse, with damping, are marked; the others are not."""
     bit = STATUS_FLAGS["rescaled"]
     drag = np.diag([0.02, 0.01, 0.05])
     for system, omega, scaled in (
