@@ -141,6 +141,39 @@ def test_what_is_found(form: str) -> None:
     assert upwards(edges, {"gearstab": 3, "a": 1, "b": 1}) == ["gearstab.a -> gearstab.b", "gearstab.b -> gearstab.a"]
 
 
+OPENINGS = ("Of", "What", "That", "Those")
+"""First words that hide what a docstring is about: it begins with the noun or the verb."""
+
+
+def docstrings(text: str) -> Iterator[tuple[int, str]]:
+    """Line and text of every string that stands alone: of modules, classes, functions, constants and fields."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            yield node.lineno, node.value.value
+
+
+def hidden(text: str) -> list[int]:
+    """Lines of docstrings that begin with one of ``OPENINGS``."""
+    return [line for line, words in docstrings(text) if re.match(rf"\W*({'|'.join(OPENINGS)})\b", words)]
+
+
+@pytest.mark.parametrize("top", ["gearstab", "scripts", "tests"])
+def test_docstrings_begin_with_the_noun_or_the_verb(top: str) -> None:
+    texts = {file.relative_to(ROOT).as_posix(): file.read_text() for file in sorted((ROOT / top).rglob("*.py"))}
+    assert sum(len(list(docstrings(text))) for text in texts.values()) > 100
+    assert [f"{name}:{line}" for name, text in texts.items() for line in hidden(text)] == []
+
+
+def test_which_openings_are_hidden() -> None:
+    docs = [
+        '"""What it is."""',
+        'A = 1\n"""Of a mesh (1)."""',
+        'def f():\n    """Offsets of a mesh."""',
+        '"""The one."""',
+    ]
+    assert [hidden(text) for text in docs] == [[1], [2], [], []]
+
+
 ASKS = {"damping": r"\bdamping is (not )?None", "terms": r"(\bif |\bwhile |\bnot |bool\()[\w.]*\.terms\b"}
 """Tests of what a system is, by regular expressions."""
 MAY_ASK = ("system.py", "propagation/", "floquet/dispatch.py", "systems/", "config/")
