@@ -17,6 +17,7 @@ from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, Unc
 from gearstab.methods.boundaries import BoundaryAnalysis
 from gearstab.methods.floquet import Floquet, FloquetOptions
 from gearstab.results.variables import PROBABILITY, SOBOL, Variable, flagged
+from gearstab.results.variables.flags import Flags
 from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
@@ -155,9 +156,7 @@ class ToleranceAnalysis(SampledMethod):
 
     def variables(self) -> tuple[Variable, ...]:
         status = next(variable for variable in self.inner.variables() if variable.name == "status")
-        said = status.attributes
-        flags = dict(zip(str(said["flag_meanings"]).split(), said["flag_masks"], strict=True))
-        return (*flagged(PROBABILITY, flags), *(SOBOL if self.indices else ()))
+        return (*flagged(PROBABILITY, Flags.of(status.attributes)), *(SOBOL if self.indices else ()))
 
     def constants(self) -> Mapping[str, Any]:
         return {"parameter": self.names} if self.indices else {}

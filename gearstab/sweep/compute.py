@@ -11,6 +11,7 @@ from gearstab.config import alike
 from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
 from gearstab.results.chunks import encode
 from gearstab.results.variables import GRID, ROWS, Variable
+from gearstab.results.variables.flags import Flags
 from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.sampled import run_sampled
 from gearstab.sweep.storage.parts import FinishedBlock, places_of
@@ -214,22 +215,8 @@ def flag_counts(layout: Layout, values: dict[str, Array]) -> dict[str, int]:
     """How many points of a grid carry each flag of ``status``; nothing of flags that none carries."""
     for variable in layout.method.results:
         if variable.name == "status" and GRID in variable.dims:
-            names = str(variable.attributes.get("flag_meanings", "")).split()
-            flags = dict(zip(names, variable.attributes.get("flag_masks", ()), strict=True))
-            return _counted(np.ravel(values["status"], order="K"), flags)
+            return Flags.of(variable.attributes).counted(values["status"])
     return {}
-
-
-def _counted(status: Array, flags: Mapping[str, int]) -> dict[str, int]:
-    """How often each flag is set. Most are set nowhere, or everywhere, and few points carry any."""
-    anywhere = int(np.bitwise_or.reduce(status))
-    everywhere = int(np.bitwise_and.reduce(status)) if anywhere else 0
-    marked = status[status != 0] if anywhere else status
-    return {
-        name: len(status) if everywhere & mask else int(np.count_nonzero(marked & status.dtype.type(mask)))
-        for name, mask in flags.items()
-        if anywhere & mask
-    }
 
 
 def _in_place(plan: Plan, layout: Layout, block: GridBlock, data: Array) -> Array:

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 from math import nan
 from typing import Any
 
+from gearstab.results.variables.flags import Flags
+
 GRID = "(all axes of the sweep)"
 """In ``dims``: all axes, in the order of the configuration."""
 
@@ -75,7 +77,7 @@ class Variable:
 
 def flagged(variables: Sequence[Variable], flags: Mapping[str, int]) -> tuple[Variable, ...]:
     """The variables of a table, those of flags (``status``, ``notices``) with their names and bits."""
-    said = {"flag_masks": list(flags.values()), "flag_meanings": " ".join(flags)}
+    said = Flags(flags).attributes
     return tuple(replace(v, attributes=said) if v.name in ("status", "notices") else v for v in variables)
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 
 from gearstab.config import Config
 from gearstab.errors import OutputError
-from gearstab.hdf5 import holds
 from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.read import attributes, is_sealed
+from gearstab.results.seal import holds
 from gearstab.results.tree import FORMAT
 from gearstab.sweep.plan import Plan
 from gearstab.version import __version__

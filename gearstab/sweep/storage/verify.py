@@ -16,6 +16,7 @@ from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED, kind_of, label_of
 from gearstab.results.chunks import decode, holds
 from gearstab.results.variables import GRID, Variable
+from gearstab.results.variables.flags import Flags
 from gearstab.sweep.compute import flag_counts, inner_shape
 from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.storage.parts import FinishedBlock
@@ -119,8 +120,8 @@ def _allowed(variable: Variable, values: Array, tongues: int) -> bool:
     said = variable.attributes
     if variable.index_of == "tongue":
         return bool(((values >= -1) & (values < tongues)).all())
-    if "flag_masks" in said:
-        return not int(np.bitwise_or.reduce(values, axis=None)) & ~int(np.bitwise_or.reduce(said["flag_masks"]))
+    if flags := Flags.of(said):
+        return not int(np.bitwise_or.reduce(values, axis=None)) & ~flags.every
     if "flag_values" in said:
         return bool(np.isin(values, said["flag_values"]).all())
     return bool(((values >= 0) | (values == variable.fill)).all())
