@@ -24,7 +24,8 @@ from gearstab.methods import RANGE
 from gearstab.results.guard import SWEEP
 from gearstab.results.read import attributes, is_sealed, refuse_hollow
 from gearstab.results.tree import FORMAT
-from gearstab.sweep.plan import Layout, Plan
+from gearstab.sweep.layout import Layout
+from gearstab.sweep.plan import Plan
 from gearstab.sweep.storage.taken import Taken, identity, misshapen
 from gearstab.system import Array
 from gearstab.version import __version__

@@ -21,7 +21,8 @@ from gearstab.results.output import free_bytes, prepare
 from gearstab.results.write import image, rewrite_attributes
 from gearstab.sweep.effort.estimate import Estimate, long_runs
 from gearstab.sweep.effort.words import octets
-from gearstab.sweep.plan import Layout, Plan
+from gearstab.sweep.layout import Layout
+from gearstab.sweep.plan import Plan
 from gearstab.sweep.pool import Executor, Failure, run_blocks
 from gearstab.sweep.reporter import Reporter
 from gearstab.sweep.storage import earlier, merge

@@ -69,6 +69,11 @@ class Variable:
         """Whether its first dimension is a list that differs from row to row: of tongues, or of parts of the range."""
         return "tongue" in self.dims or self.of_parts
 
+    @property
+    def lead(self) -> int:
+        """Number of dimensions before the axes of the sweep."""
+        return next((k for k, dim in enumerate(self.dims) if dim in (GRID, ROWS)), 0)
+
     def over(self, grid: Sequence[str], rows: Sequence[str]) -> Variable:
         """The variable with GRID and ROWS replaced by the names of a sweep's axes."""
         known = {GRID: tuple(grid), ROWS: tuple(rows)}

@@ -12,8 +12,8 @@ from time import monotonic
 
 import numpy as np
 
-from gearstab.results.chunks import decode
-from gearstab.sweep.plan import GridBlock, Layout, Plan
+from gearstab.sweep.layout import GridBlock, Layout
+from gearstab.sweep.plan import Plan
 from gearstab.sweep.storage.parts import LOCK, FinishedBlock, PartFolder
 from gearstab.sweep.storage.verify import fits
 from gearstab.system import Array
@@ -56,11 +56,11 @@ class Finished:
 
     def rows(self, layout: Layout, variable: str) -> Array:
         """Return a variable of one value per row of a method, over all rows."""
-        (dtype,) = (known.dtype for known in layout.method.results if known.name == variable)
+        (own,) = (known for known in layout.results if known.variable.name == variable)
         parts = []
         for block in layout.blocks():
             (data,) = self.blocks[block.key].pieces(variable)
-            parts.append(decode(data, layout.chunk, dtype)[tuple(slice(0, size) for size in block.shape)].ravel())
+            parts.append(own.decoded(data, block).ravel())
         return np.concatenate(parts)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from gearstab.errors import ResultError, SweepError, one_line
 from gearstab.methods import Key, Outcome
 from gearstab.perturbation import Tongue
-from gearstab.results.variables import OCCURRENCE, ROWS, TEXT, TONGUE, Variable
+from gearstab.results.variables import OCCURRENCE, TEXT, TONGUE, Variable
 from gearstab.system import Array
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def misshapen(path: Path, method: str, variables: Sequence[Variable], shape: Seq
         for variable in variables:
             name = f"{method}/{variable.name}"
             data = file.get(name) if _has(file, name) else None
-            lead = variable.dims.index(ROWS) if variable.listed else 0
+            lead = variable.lead
             if (
                 not isinstance(data, h5py.Dataset)
                 or data.dtype != variable.dtype
@@ -137,7 +137,7 @@ def _listed(group: h5py.Group, variables: Sequence[Variable], places: Sequence[A
     values: dict[str, Array] = {}
     rows = prod(len(place) for place in places)
     for variable in variables:
-        lead = variable.dims.index(ROWS)
+        lead = variable.lead
         read = _cut(group[variable.name], lead, places)
         values[variable.name] = read.reshape(*read.shape[:lead], rows, *read.shape[lead + len(places) :])
     keys = tongues(group)
