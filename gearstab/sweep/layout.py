@@ -97,9 +97,9 @@ class VariableLayout:
         fast: the axis of the mesh frequency alone, which stands last among rows and P.
         """
         if GRID not in self.variable.dims or fast is None:
-            return values.reshape(*values.shape[: self.variable.lead], *block.shape, *self.inner)
+            return values.reshape((*values.shape[: self.variable.lead], *block.shape, *self.inner))
         rows = block.shape[:fast] + block.shape[fast + 1 :]
-        return np.moveaxis(values.reshape(*rows, block.shape[fast], *self.inner), len(rows), fast)
+        return np.moveaxis(values.reshape((*rows, block.shape[fast], *self.inner)), len(rows), fast)
 
     def encoded(self, values: Array) -> list[bytes]:
         """Return the chunks of a block with these values over its axes: one, or one an entry of the list."""

@@ -22,7 +22,7 @@ from gearstab.config.model.axes import MESH_FREQUENCY
 from gearstab.methods import POINTS, Method, chosen
 from gearstab.sweep import teeth
 from gearstab.sweep.layout import Layout
-from gearstab.sweep.storage.taken import Taken
+from gearstab.sweep.storage.previous import Previous
 from gearstab.system import Array, GearSystem
 from gearstab.version import __version__
 
@@ -49,7 +49,7 @@ class Plan:
     base: GearSystem
     fast: Axis | None
     layouts: tuple[Layout, ...]
-    taken: Taken | None = None
+    taken: Previous | None = None
 
     @property
     def grid(self) -> tuple[str, ...]:

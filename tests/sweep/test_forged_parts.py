@@ -264,7 +264,7 @@ def found(scene: Scene) -> set[str]:
     """The finished blocks that a sweep goes on from."""
     with closing(store.Store(scene.planned, PartFolder(scene.out, scene.planned.digest))) as there:
         there.find()
-        return set(there.finished.blocks)
+        return set(there.blocks)
 
 
 def test_a_part_far_too_large_is_not_even_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

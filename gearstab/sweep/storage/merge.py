@@ -24,22 +24,22 @@ from gearstab.results.write import write_result
 from gearstab.sweep import teeth
 from gearstab.sweep.compute import moved
 from gearstab.sweep.layout import Layout, VariableLayout
-from gearstab.sweep.storage.earlier import origin
 from gearstab.sweep.storage.parts import FinishedBlock
-from gearstab.sweep.storage.store import Finished
+from gearstab.sweep.storage.previous import origin
+from gearstab.sweep.storage.store import Store
 from gearstab.system import Array
 
 
-def result_tree(finished: Finished, said: Mapping[str, str]) -> ResultTree:
+def result_tree(store: Store, said: Mapping[str, str]) -> ResultTree:
     """The whole result of a plan of which all is finished; ``said``: what its root says besides."""
-    plan = finished.plan
+    plan = store.plan
     axes = [with_range(field, plan.config) for axis in plan.config.axes for field in axis_fields(axis)]
     root = Group(tuple(axes), root_attributes(SWEEP, plan.config) | dict(said))
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
         names = set(layout.dims)
         beside = [field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis)[1:]]
-        groups[layout.method.name] = _method_group(finished, layout, beside)
+        groups[layout.method.name] = _method_group(store, layout, beside)
     if plan.teeth is not None:
         groups[teeth.NAME] = teeth.group(plan.teeth)
     return ResultTree(root, groups)
@@ -78,8 +78,8 @@ def with_range(field: Field, config: Config) -> Field:
     return replace(field, variable=replace(field.variable, attributes=attributes))
 
 
-def _method_group(finished: Finished, layout: Layout, beside: list[Field]) -> Group:
-    plan, parts = finished.plan, {block.key: finished.blocks[block.key] for block in layout.blocks()}
+def _method_group(store: Store, layout: Layout, beside: list[Field]) -> Group:
+    plan, parts = store.plan, {block.key: store.blocks[block.key] for block in layout.blocks()}
     tongues = layout.method.unite(part.tongues for part in parts.values())
     values = {**tongue_coordinates(tongues), **layout.method.constants()}
     axes, fields = {axis.name for axis in plan.config.axes}, []
@@ -131,12 +131,12 @@ def _chunked(
     return Chunked(own.shape_in_file(count), own.chunk_in_file, pieces)
 
 
-def write(finished: Finished, out: Path, look: Look) -> None:
+def write(store: Store, out: Path, look: Look) -> None:
     """Write the result to ``out``.
 
     look: raises where ``out`` must not be replaced any more. Raises OSError, whatever else is in the way.
     """
-    said = origin(finished.plan.config, out)
-    if finished.plan.taken is not None:
-        said["extended_from"] = str(finished.plan.taken.path)
-    write_result(out, result_tree(finished, said), look)
+    said = origin(store.plan.config, out)
+    if store.plan.taken is not None:
+        said["extended_from"] = str(store.plan.taken.path)
+    write_result(out, result_tree(store, said), look)
