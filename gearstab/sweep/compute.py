@@ -13,9 +13,9 @@ from gearstab.results.variables import GRID
 from gearstab.results.variables.flags import Flags
 from gearstab.sweep.layout import GridBlock, Layout
 from gearstab.sweep.plan import Plan
-from gearstab.sweep.sampled import run_sampled
 from gearstab.sweep.storage.parts import FinishedBlock, places_of
 from gearstab.system import Array
+from gearstab.tolerance.design import correlated
 
 
 def compute(plan: Plan, block: GridBlock, taken: Outcome | None = None) -> FinishedBlock:
@@ -123,6 +123,31 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
         # Nothing but the mesh frequency differs from row to row.
         system = system.over((count,))
     return layout.method.of(system).run(frequency)
+
+
+def run_sampled(plan: Plan, method: SampledMethod, rows: dict[str, Array], count: int, columns: Array) -> Outcome:
+    """Run a method on the samples of uncertain parameters of rows of one structure, a few rows at a time."""
+    uncertain = plan.config.uncertainties
+    if uncertain is None:
+        raise ValueError(f"{method.name} needs distributions of parameters")
+    points = correlated(method.design.points, uncertain.correlation)
+    outcomes = []
+    for part in method.portions(count, len(columns)):
+        size = part.stop - part.start
+        every = np.tile(points, (size, 1))
+        # The samples of a row are next to each other.
+        chosen = {name: np.repeat(index[part], len(points)) for name, index in rows.items()}
+        system = uncertain.sampled(plan.config.at(chosen), every).build()
+        batch = method.of(system.over((len(every),)))
+        if method.frequency == RANGE:
+            return batch.run(np.array(plan.mesh_frequency_range))
+        present: Array = np.ones((1, 1)) if uncertain.sets_mesh_frequency else plan.mesh_frequency(chosen, columns)
+        if isinstance(batch, SampledMethod) and batch.integrates and uncertain.speed is not None:
+            outcomes.append(batch.integrated(present, *uncertain.speed).values)
+            continue
+        frequency = uncertain.mesh_frequency(present, every)
+        outcomes.append(batch.run(frequency).values)
+    return Outcome({name: np.concatenate([values[name] for values in outcomes]) for name in outcomes[0]})
 
 
 def varied(rows: Mapping[str, Array]) -> dict[str, Array]:
