@@ -24,12 +24,12 @@ INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
 
 # Install a lock and print the name of each package that pip takes up; the exit code of a pipe is that of its last command.
 LOCKED = { $(INSTALL) --require-hashes --requirement $< || echo failed; } | while read -r word name rest; \
-  do case $$word in Collecting) printf '  %s' "$${name%%=*}";; failed) exit 1;; esac; done && echo
+  do case $$word in Collecting|Processing) name=$${name##*/}; printf ' %s' "$${name%%[=-][=0-9]*}";; failed) exit 1;; esac; done && echo
 
 # Two locks, one a part of the other: what the program needs, and with what tests, pages and certificates need besides.
 $(VENV)/.locked: scripts/runtime.lock
 	@$(PYTHON) -c 'import sys; sys.exit("gearstab needs Python 3.11 or newer; choose one with make PYTHON=..." if sys.version_info < (3, 11) else 0)'
-	@echo "Installing into $(VENV), once: the packages that the program needs (150 MB to fetch) ..."
+	@echo "Installing into $(VENV), once: the packages that the program needs (100 MB to fetch) ..."
 	@$(PYTHON) -m venv --clear $(VENV)
 	@$(LOCKED)
 	@touch $@
