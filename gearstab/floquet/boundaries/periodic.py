@@ -100,7 +100,7 @@ class PeriodicPart:
         return np.concatenate(fractions, axis=1), np.concatenate(values, axis=1)
 
     def generators(self, values: Array) -> tuple[Generators, Array]:
-        """Those of distinct states, in units of the rates, and the state of each segment; values: ``(r, S, J)``."""
+        """Generators of distinct states in units of the rates, and the state of each segment; values: ``(r, S, J)``."""
         table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
         _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
         form = FirstOrder.joined([row.form for row in self.rows])
@@ -172,7 +172,7 @@ def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart,
 def _search(
     own: PeriodicPart, doublings: int, limits: Limits, canonical: bool, rounding: float
 ) -> tuple[SearchResult, Verdict]:
-    """What is found with so many steps, and which points are stable with half of them."""
+    """Search with this many steps; return the result and which points are stable with half of them."""
     pattern = own.part.pattern
     if canonical:
         found = gyroscopic.search(

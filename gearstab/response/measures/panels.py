@@ -45,7 +45,7 @@ class Panels:
 
 @dataclass(frozen=True)
 class Readings(Panels):
-    """What gauges show, ``values (panels, 5, Q, K, i)``, in a part of the common period."""
+    """Readings of gauges, ``values (panels, 5, Q, K, i)``, in a part of the common period."""
 
     part: Bundle | Interval
     values: Array
