@@ -24,8 +24,7 @@ from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, 
 from gearstab.interrupts import heed
 from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.elastic import ElasticForm, elastic_forms
-from gearstab.propagation.magnus import NODES, ORDER, polynomial
-from gearstab.propagation.products import MagnusSteps, eigenvalues, propagated
+from gearstab.propagation.magnus import NODES, ORDER, MagnusSteps, eigenvalues, polynomial, propagated
 from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
