@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from gearstab import ckernel
-from gearstab.propagation.products import MagnusSteps, eigenvalues, propagated
+from gearstab.propagation.magnus import MagnusSteps, eigenvalues, propagated
 
 
 @pytest.fixture(params=ckernel.library.levels())
