@@ -95,7 +95,7 @@ ROOTS = [
     (Root(1, 1, 2), Root(2, 2, 4)),
     (Root(1, 2, 1), Root(0, 2, 5)),
 ]
-"""Of each region; the mesh a deflects modes 0 and 1, b mode 2 alone, so that 0 and 1 do not act on 2."""
+"""Roots of each region; the mesh a deflects modes 0 and 1, b mode 2 alone, so that 0 and 1 do not act on 2."""
 
 
 def test_names_as_columns() -> None:
