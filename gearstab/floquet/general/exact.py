@@ -30,7 +30,7 @@ SYMMETRIC = 1e-14
 
 
 @dataclass(frozen=True)
-class Logs:
+class PeriodGrowth:
     """Growth of points over a common period.
 
     log: ``(r, P)``, ln max |lambda|, of Hamiltonian systems positive only where that is no rounding. error: of the
@@ -64,17 +64,17 @@ class ExactRows:
             return self
         return ExactRows(self.own.subset(index), self.segments.subset(index), self.generator.subset(index))
 
-    def solved(self, mesh_frequency: Array, exponents: bool) -> Logs:
+    def solved(self, mesh_frequency: Array, exponents: bool) -> PeriodGrowth:
         """Solve at mesh frequencies ``(r, P)``."""
         omega = mesh_frequency / self.rate
         if self.own.form.size == 0:
             table = np.empty((*omega.shape, 0), dtype=complex) if exponents else None
             none = np.zeros(omega.shape, dtype=bool)
-            return Logs(np.full(omega.shape, -np.inf), np.zeros(omega.shape), none, none, table)
+            return PeriodGrowth(np.full(omega.shape, -np.inf), np.zeros(omega.shape), none, none, table)
         growth = kernel.scan_damped(self.segments, self.generator, omega)[0]
         log, canonical, doubtful = self.by_krein(mesh_frequency, growth)
         canonical = np.broadcast_to(canonical[:, None], log.shape)
-        return Logs(
+        return PeriodGrowth(
             log, self._rounding(omega), canonical, doubtful, self.all_logs(mesh_frequency) if exponents else None
         )
 

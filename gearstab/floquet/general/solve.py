@@ -11,13 +11,15 @@ decide.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from gearstab.floquet.general.exact import exact_rows
+from gearstab.floquet.general.exact import PeriodGrowth, exact_rows
 from gearstab.floquet.general.stepped import stepped_rows
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, empty, settled
+from gearstab.propagation.elastic import ElasticRows
 from gearstab.system import Array, GearSystem
 
 ON_CIRCLE = 1e-7
@@ -45,10 +47,8 @@ def analyse(
     result, error = empty(*omega.shape), np.empty(omega.shape)
     table = np.empty((*omega.shape, 2 * system.size), dtype=complex) if exponents else None
     period = 2 * np.pi * float(system.common_period()[0]) / omega
-    exact = system.piecewise_constant
-    for part in exact_rows(system) if exact else stepped_rows(system):
-        own, rows = part.own, part.own.form.rows
-        found = part.solved(omega[rows], exponents) if exact else part.solved(omega[rows], exponents, tolerance)
+    for own, found in _solved(system, omega, exponents, tolerance):
+        rows = own.form.rows
         error[rows] = found.error
         by_itself = own.rigid_exponents.max(axis=1, initial=-np.inf)[:, None]
         log = np.maximum(found.log, np.where(by_itself > 0, by_itself, -np.inf) * period[rows])
@@ -63,3 +63,15 @@ def analyse(
             whole = np.concatenate([found.table / period[rows][..., None], rigid], axis=-1)
             table[rows] = settled(whole, result.stable[rows])
     return replace(result, exponents=table, error_estimate=error)
+
+
+def _solved(
+    system: GearSystem, omega: Array, exponents: bool, tolerance: float
+) -> Iterator[tuple[ElasticRows, PeriodGrowth]]:
+    """Solve all rows, each once."""
+    if system.piecewise_constant:
+        for part in exact_rows(system):
+            yield part.own, part.solved(omega[part.own.form.rows], exponents)
+        return
+    for steps in stepped_rows(system):
+        yield steps.own, steps.solved(omega[steps.own.form.rows], exponents, tolerance)

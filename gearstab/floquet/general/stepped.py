@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.general.exact import ExactRows, Logs, alike_rows, joined
+from gearstab.floquet.general.exact import ExactRows, PeriodGrowth, alike_rows, joined
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES, Succession
 from gearstab.floquet.smooth.control import rectangles
 from gearstab.floquet.smooth.schemes import CF6_5, Scheme
@@ -60,14 +60,15 @@ class SteppedRows:
         segments = Succession(self.own.form.rows, self.cycles, fractions, none, states)
         return joined(self.own, self.hamiltonian, segments, values[:, first])
 
-    def solved(self, mesh_frequency: Array, exponents: bool, tolerance: float) -> Logs:
+    def solved(self, mesh_frequency: Array, exponents: bool, tolerance: float) -> PeriodGrowth:
         """Solve at mesh frequencies ``(r, P)`` to a tolerance of the multipliers, relative to the largest one or 1."""
         omega, m = mesh_frequency, self.own.form.size
         if m == 0:
             return self.cut(0).solved(omega, exponents)
         first = self._first_levels(omega)
-        found = Logs(
-            np.full(omega.shape, np.nan), np.full(omega.shape, np.nan), *np.zeros((2, *omega.shape), dtype=bool),
+        found = PeriodGrowth(
+            np.full(omega.shape, np.nan), np.full(omega.shape, np.nan),
+            np.zeros(omega.shape, dtype=bool), np.zeros(omega.shape, dtype=bool),
             np.full((*omega.shape, m), np.nan, dtype=complex) if exponents else None,
         )  # fmt: skip
         before, scales = np.zeros((*omega.shape, m), dtype=complex), np.zeros(omega.shape)
@@ -92,7 +93,13 @@ class SteppedRows:
 
     @staticmethod
     def _settle(
-        part: ExactRows, found: Logs, at: tuple[Array, Array], values: Array, scale: Array, more: Array, omega: Array
+        part: ExactRows,
+        found: PeriodGrowth,
+        at: tuple[Array, Array],
+        values: Array,
+        scale: Array,
+        more: Array,
+        omega: Array,
     ) -> None:
         """Take over what is known of points that need no more steps."""
         with np.errstate(divide="ignore"):
