@@ -65,7 +65,7 @@ class SteppedRows:
         omega, m = mesh_frequency, self.own.form.size
         if m == 0:
             return self.cut(0).solved(omega, exponents)
-        first = self._first_levels(omega)
+        first = self.first_levels(omega)
         found = PeriodGrowth(
             np.full(omega.shape, np.nan), np.full(omega.shape, np.nan),
             np.zeros(omega.shape, dtype=bool), np.zeros(omega.shape, dtype=bool),
@@ -111,7 +111,7 @@ class SteppedRows:
         if found.table is not None:
             found.table[done] = part.all_logs(omega[at])[~more]
 
-    def _first_levels(self, omega: Array) -> Array:
+    def first_levels(self, omega: Array) -> Array:
         """``(r, P)``: log2 of the steps per common period, one per two radians of the fastest motion or more."""
         edges = self.plan.edges
         typical = self.plan.values(0.5 * (edges[:, 1:] + edges[:, :-1]))
