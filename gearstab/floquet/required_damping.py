@@ -1,6 +1,7 @@
 """How much damping makes a system stable: the damping at which the growth rate falls to zero, point by point.
 
-With C = z C1, C1 either the damping of equal modal damping ratios of one or the damping that was given,
+With C = z C1, C1 either the damping of equal modal damping ratios of one, in the modes of the mean system at rest, or
+the damping that was given,
 
     growth(z) = max Re (characteristic exponents) = 0
 
@@ -59,14 +60,15 @@ def required_damping(
 
     Parameters
     ----------
-    system: any batch shape, with a common period and without periodic terms beside the mesh stiffness.
+    system: any batch shape, with a common period.
     mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``.
     of: ``damping_ratio``: one ratio for all modes of the mean system, in place of the damping that it has; ``factor``:
-        on that damping.
+        on that damping. Damping is the symmetric part of C and that of terms along one direction; what is skew, friction
+        and what acts with a speed of rotation, rotating damping included, stay as they are.
     largest: damping at which the search ends.
     tolerance: of the value, relative. It is rounded up, so that the growth there is no larger than its rounding error.
 
-    Raises ValueError for a factor on no damping, and where more than the mesh stiffness varies.
+    Raises ValueError for a factor on no damping, NotPossible where there is no common period.
     """
     omega = system.operating_points(mesh_frequency)
     value, status = np.zeros(omega.shape), np.zeros(omega.shape, dtype=np.int16)
