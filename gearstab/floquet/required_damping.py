@@ -63,8 +63,8 @@ def required_damping(
     system: any batch shape, with a common period.
     mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``.
     of: ``damping_ratio``: one ratio for all modes of the mean system, in place of the damping that it has; ``factor``:
-        on that damping. Damping is the symmetric part of C and that of terms along one direction; what is skew, friction
-        and what acts with a speed of rotation, rotating damping included, stay as they are.
+        on that damping, the symmetric part of C and of terms along one direction. What is skew, friction, and what acts
+        with a speed of rotation, rotating damping included, stay as they are.
     largest: damping at which the search ends.
     tolerance: of the value, relative. It is rounded up, so that the growth there is no larger than its rounding error.
 
