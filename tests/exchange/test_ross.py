@@ -36,8 +36,10 @@ def test_exponents_are_theirs(rotor: Any, speed: float) -> None:
     model = gs.from_ross(rotor, meshes=[MESH], speed=speed)
     system = gs.build(model)
     np.testing.assert_allclose(system.mean_stiffness_matrix(), rotor.K(speed), rtol=1e-9, atol=1e-3)
+    # One speed for each shaft, of which the second turns the other way.
+    assert [np.sign(float(rotation.speed)) for rotation in system.rotations] == ([1, -1] if speed else [])
     damping = system.damping + sum(
-        float(term.damping.value(np.zeros(1))[0]) * np.outer(term.left, term.right) for term in system.terms
+        (rotation.speed * rotation.gyroscopic for rotation in system.rotations), np.zeros_like(system.damping)
     )
     inverse, size = np.linalg.inv(system.mass), system.size
     state = np.block(
@@ -66,10 +68,10 @@ def test_gyroscopic_effects_follow_the_mesh_frequency(rotor: Any, modes: int | N
 
 @pytest.mark.filterwarnings("default")
 def test_forced_responses_are_theirs(rotor: Any) -> None:
-    """With the gyroscopic effects of a turning rotor, which are terms of the system."""
+    """With the gyroscopic effects of a turning rotor, at the speed that is given."""
     omega = 130.0
     model = gs.from_ross(rotor, meshes=[MESH | {"epsilon": 0.0}], speed=omega)
-    assert any(term["name"].startswith("gyroscopic") for term in model["terms"])
+    assert len(model["rotation"]) == 2
     size = len(model["mass"])
     force = np.zeros(size)
     force[6] = 1000.0
@@ -94,6 +96,41 @@ def test_few_modes_of_a_varying_mesh(rotor: Any) -> None:
         # Theirs are moduli of damped eigenvalues; the damping ratios here are below 1 %.
         assert np.abs(mine - frequency).min() < 5e-4 * frequency
     assert len(gs.boundaries(model, 100.0, 600.0).label)
+
+
+@pytest.mark.filterwarnings("default")
+def test_bearings_with_coefficients_over_speed(rotor: Any) -> None:
+    """Interpolated at the speed that is given, each at that of its shaft, or refused; whirl frequencies are theirs."""
+    from ross.bearing_seal_element import BearingElement
+    from ross.multi_rotor import MultiRotor
+    from ross.rotor_assembly import Rotor
+
+    own = rotor.rotors["driving"]
+    table = np.linspace(100.0, 700.0, 7)
+    bearings = [
+        BearingElement(
+            n=old.n, kxx=2e8 + 3e5 * table, kyy=1.5e8 + 2e5 * table, kxy=2e4 * table, kyx=-2e4 * table, cxx=3e3 + table,
+            frequency=table, tag=f"brg{old.n}",
+        )
+        for old in own.bearing_elements
+    ]  # fmt: skip
+    geared = MultiRotor(
+        Rotor(own.shaft_elements, own.disk_elements, bearings), rotor.rotors["driven"],
+        coupled_nodes=(rotor.mesh.driving_gear.n, 0), gear_mesh_stiffness=1e8,
+    )  # fmt: skip
+    speed, teeth = 250.0, rotor.mesh.driving_gear.n_teeth
+    model = gs.from_ross(geared, meshes=[MESH], speed=speed, speed_ratio=f"1/{teeth}")
+    assert re.fullmatch(
+        r"coefficients over speed are interpolated: brg0 at node 0 at 250 rad/s, brg3 at node 3 at 250 rad/s, "
+        "and stay so at every mesh frequency",
+        model.note,
+    )
+    mine = mean_motions(gs.build(model), teeth * speed).frequency[0]
+    theirs = np.abs(geared.run_modal(speed=speed, num_modes=24).wd)
+    for frequency in theirs[theirs > 1.0]:
+        assert np.abs(mine - frequency).min() < 1e-6 * frequency
+    with pytest.raises(NotPossible, match="has coefficients from 100 to 700 rad/s, and its shaft turns at 0 rad/s"):
+        gs.from_ross(geared, meshes=[MESH], speed_ratio=f"1/{teeth}")
 
 
 @pytest.mark.filterwarnings("default")
