@@ -11,7 +11,6 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.config.document.codes import Code
 from gearstab.errors import NotPossible
-from gearstab.respond import effort, loads, ramp, tooth_loads
 from gearstab.response import (
     RESPONSE_FLAGS,
     backlash,
@@ -20,6 +19,7 @@ from gearstab.response import (
     harmonics,
     steady_state,
 )
+from gearstab.response.command import effort, loads, ramp, tooth_loads
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.response.measures.spectra import Spectra, amplitudes, densities
 from gearstab.results import Group, ResultTree, Variable, fields_of
