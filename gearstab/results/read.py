@@ -201,6 +201,14 @@ def _blocks(item: h5py.Dataset) -> int:
     return max(1, prod(ceil(n / c) for n, c in zip(item.shape[1:], item.chunks[1:], strict=True)))
 
 
+def groups_of(tree: xr.DataTree) -> dict[str, xr.Dataset]:
+    """Return the groups of a result by name, each with the axes over which it stands."""
+    return {
+        str(name): branches_of(tree) if name == "branches" else node.to_dataset()
+        for name, node in tree.children.items()
+    }
+
+
 def branches_of(tree: xr.DataTree) -> xr.Dataset:
     """Return the group ``branches`` with the axes over which it stands, as a dataset that can be cut.
 

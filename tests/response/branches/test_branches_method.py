@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -14,6 +16,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from backlash_pairs import CASES, pair
+from scenes import ran
 
 from gearstab import plots
 from gearstab.bench.branches import branch_cost
@@ -280,3 +283,27 @@ def test_branches_of_an_older_layout_are_refused() -> None:
     group = xr.Dataset({"branch_frequency": ("point", [1.0]), "kind": ("point", [0])})
     with pytest.raises(ResultError, match="run the sweep again"):
         branches_of(xr.DataTree.from_dict({"/": xr.Dataset(), "branches": group}))
+
+
+def test_motions_on_branches_are_counted_without_what_is_behind_their_ends(swept: Path) -> None:
+    # Their mesh frequencies have the name of an axis of the sweep, over other dimensions.
+    told = json.loads(ran("info", swept, "--json").stdout)["outcome"]
+    with h5py.File(swept) as file:
+        stable = file["branches/stable"][:]
+    assert (stable == -1).any()
+    assert (told["points"], told["unstable"], told["failed"]) == (np.sum(stable >= 0), np.sum(stable == 0), 0)
+
+
+def test_complex_values_of_branches_are_compared(swept: Path, tmp_path: Path) -> None:
+    assert ran("diff", swept, swept).exit_code == 0
+    other = tmp_path / "other.h5"
+    shutil.copy(swept, other)
+    with h5py.File(other, "r+") as file:
+        values = file["branches/multipliers"]
+        size = np.nanmax(np.abs(values[:]))
+        values[...] = values[:] + 0.5j * size
+    told = json.loads(ran("diff", swept, other, "--json").stdout)
+    differing = {name: value for name, value in told["variables"].items() if value != 0}
+    with h5py.File(other) as file:
+        largest = np.nanmax(np.abs(file["branches/multipliers"][:]))
+    assert differing == {"/branches/multipliers": pytest.approx(0.5 * size / largest, rel=1e-12)}
