@@ -13,7 +13,7 @@ from gearstab.config import Axis, Config
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.methods import Key
 from gearstab.results.chunks import decode, encode
-from gearstab.results.display import FACTOR, OPERATING_RANGE, SPEEDS, typed
+from gearstab.results.display import CYCLES, FACTOR, OPERATING_RANGE, SPEEDS, typed
 from gearstab.results.guard import SWEEP
 from gearstab.results.output import Look
 from gearstab.results.provenance import modes_group, root_attributes
@@ -65,16 +65,21 @@ def axis_fields(axis: Axis) -> list[Field]:
 
 
 def with_range(field: Field, config: Config) -> Field:
-    """Return an axis of speeds with the operating ranges that the section ``design`` gives, any other as it is."""
+    """Return an axis of speeds with the cycles in a turn of the input, where they are the same everywhere, and the
+    operating ranges that the section ``design`` gives; any other axis as it is.
+    """
     name = field.variable.name
-    if config.design is None or name not in SPEEDS:
+    if name not in SPEEDS:
         return field
-    cycles = float(config.system.cycles_of_input() or 1.0)
-    ends = []
-    for item in config.design.ranges:
-        factor = 1.0 if item.of == name else cycles if item.of == INPUT_SPEED else 1 / cycles
-        ends += [item.low * factor, item.high * factor]
-    attributes = {**field.variable.attributes, OPERATING_RANGE: ends}
+    cycles, attributes = config.system.cycles_of_input(), dict(field.variable.attributes)
+    if cycles is not None and not any("teeth" in item.path for axis in config.axes for item in axis.assignments):
+        attributes[CYCLES] = float(cycles)
+    if config.design is not None:
+        ends = []
+        for item in config.design.ranges:
+            factor = 1.0 if item.of == name else cycles or 1.0 if item.of == INPUT_SPEED else 1 / (cycles or 1.0)
+            ends += [item.low * float(factor), item.high * float(factor)]
+        attributes[OPERATING_RANGE] = ends
     return replace(field, variable=replace(field.variable, attributes=attributes))
 
 
