@@ -12,6 +12,7 @@ delta <= e_(n+1).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -113,6 +114,7 @@ class _Pairs:
         return distinct([*begin, *found])
 
 
+@lru_cache(maxsize=1024)
 def loaded_mesh(pair: Pair, model: StiffnessModel, relief: Relief, force: float) -> LoadedSpur | LoadedHelical:
     """Tangent stiffness and static transmission error of a mesh with relief under a normal force, along the
     (transverse) line of action.
