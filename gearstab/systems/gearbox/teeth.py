@@ -20,9 +20,10 @@ from gearstab.gears.friction import (
     mesh_friction,
 )
 from gearstab.gears.geometry import Gear
+from gearstab.gears.loaded import loaded_mesh
 from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
-from gearstab.gears.relief import FlankRelief, LoadedMesh, Relief, loaded_mesh
+from gearstab.gears.relief import FlankRelief, LoadedMesh, Relief
 from gearstab.system import Array
 from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, POWERS, VARIATION, WAVE, from_teeth, per_width
 from gearstab.systems.gearbox.rotors import number
