@@ -12,6 +12,7 @@ import pytest
 from scenes import DOCS
 
 import gearstab as gs
+from gearstab.bench.turning import exponential_products
 from gearstab.errors import NotPossible
 from gearstab.floquet.general.mean import mean_motions
 
@@ -161,3 +162,20 @@ def test_the_session_of_the_documentation(
     expected = ~np.any((omega[:, None] > found[:, 0]) & (omega[:, None] < found[:, 1]), axis=1)
     np.testing.assert_array_equal(stable.values == 1, expected)
     assert (tmp_path / "rotor.png").stat().st_size > 10_000
+
+
+@pytest.mark.filterwarnings("default")
+def test_the_session_of_the_guide(rotor: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both pictures are drawn, and verdicts of the map are those of products of exponentials."""
+    monkeypatch.chdir(tmp_path)
+    (block,) = re.findall(r"^```python\n([^`]*from ross[^`]*)^```$", (DOCS / "guide" / "spinning.md").read_text(), re.M)
+    names: dict[str, Any] = {}
+    exec(compile(block, "docs/guide/spinning.md", "exec"), names)
+    assert [part["speed_ratio"] for part in names["model"]["rotation"]] == ["1/328", "-1/23"]
+    assert min((tmp_path / name).stat().st_size for name in ("campbell.png", "map.png")) > 10_000
+    stable = names["tree"]["floquet"]["stable"].sel(epsilon=0.2)
+    omega = stable["mesh_frequency"].values
+    # Batched scipy.linalg.expm: a double multiplier on the unit circle is known to the root of rounding.
+    growth = exponential_products(gs.build(names["model"]), omega)
+    np.testing.assert_array_equal(stable.values == 0, growth > 1e-6)
+    assert np.count_nonzero(growth > 1e-6) > 40

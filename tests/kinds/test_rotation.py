@@ -24,7 +24,7 @@ from gearstab.floquet import solve
 from gearstab.floquet.stability import STATUS_FLAGS
 from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.methods import METHODS, OptionError
-from gearstab.propagation.elastic import elastic_forms
+from gearstab.propagation.elastic import elastic_forms, mean_levels
 from gearstab.propagation.path import Path
 from gearstab.response import driven_response, ramp_response, steady_state
 from gearstab.rotation import Rotation
@@ -73,8 +73,9 @@ def rotor(rotation: dict[str, Any], mass: Any, stiffness: Any, damping: Any = No
         "kind": "matrices", "mass": mass, "stiffness": stiffness, "meshes": [mesh],
         "rotation": {"speed": speed, **rotation},
     } | ({"damping": damping} if damping is not None else {})  # fmt: skip
-    (form,) = elastic_forms(build(load({"system": system}).system))
-    values = np.linalg.eigvals(form.generators(np.zeros(1))) * form.rate
+    built = build(load({"system": system}).system)
+    ((form,), (level,)) = elastic_forms(built), mean_levels(built)
+    values = np.linalg.eigvals(form.generators(level)) * form.rate
     return values[np.lexsort((values.real, values.imag))]
 
 
@@ -107,6 +108,44 @@ def test_rotating_damping_destabilises_above_a_speed() -> None:
             [[still + turning, 0], [0, still + turning]], row["speed_rad_s"],
         )  # fmt: skip
         assert values.real.max() == pytest.approx(row["growth"], rel=1e-9)
+
+
+def test_a_disc_that_tilts() -> None:
+    """I w^2 -+ I_p W w - k = 0: the forward motion rises, the backward one falls."""
+    given = ROTORS["tilting"]["inputs"]
+    diametral, polar, k = given["Id"], given["Ip"], given["k"]
+    for row in ROTORS["tilting"]["rows"][1:]:
+        gyroscopic = {"gyroscopic": [[0, polar], [-polar, 0]]}
+        mass, stiffness = [[diametral, 0], [0, diametral]], [[k, 0], [0, k]]
+        values = rotor(gyroscopic, mass, stiffness, speed=row["speed_rad_s"])
+        np.testing.assert_allclose(values.imag[values.imag > 0], np.sort(np.abs(row["whirl_rad_s"])), rtol=1e-9)
+        np.testing.assert_allclose(values.real, 0.0, atol=1e-9)
+
+
+STILL: dict[str, Any] = {"gyroscopic": [[0, 0], [0, 0]]}
+"""A rotation that nothing acts with."""
+
+
+def test_cross_coupled_bearings_flutter_above_a_threshold() -> None:
+    """Unsymmetric stiffness: |q| > c sqrt(k/m)."""
+    given, own = ROTORS["cross_coupled"]["inputs"], ROTORS["cross_coupled"]
+    m, c, k = given["m"], given["c"], given["k"]
+    for row in own["rows"]:
+        q = row["q_over_threshold"] * own["threshold_q_N_m"]
+        values = rotor(STILL, [[m, 0], [0, m]], [[k, q], [-q, k]], [[c, 0], [0, c]])
+        # The growth is a small part of the exponents, of 632 1/s, whose rounding it has.
+        assert values.real.max() == pytest.approx(row["growth"], rel=1e-9, abs=1e-10)
+
+
+def test_a_journal_bearing_has_a_critical_mass() -> None:
+    """Unsymmetric stiffness and full damping matrices; at the critical mass it whirls with a frequency of its own."""
+    own, given = ROTORS["journal"], ROTORS["journal"]["inputs"]
+    stiffness, damping = ([[given[f"{x}{i}{j}"] for j in "xy"] for i in "xy"] for x in "kc")
+    for row in [*own["rows"], {"mass_over_critical": 1.0, "growth": 0.0}]:
+        m = row["mass_over_critical"] * own["critical_mass_kg"]
+        values = rotor(STILL, [[m, 0], [0, m]], stiffness, damping)
+        assert values.real.max() == pytest.approx(row["growth"], rel=1e-9, abs=1e-10)
+    assert abs(values.imag[values.real.argmax()]) == pytest.approx(own["whirl_rad_s"], rel=1e-9)
 
 
 G = np.array([[0.0, 0.3, -0.2], [-0.3, 0.0, 0.4], [0.2, -0.4, 0.0]])
