@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearstab.propagation.path import Path
-from gearstab.respond import loads
 from gearstab.response import RESPONSE_FLAGS, RampResponse, ramp_response
+from gearstab.response.command import loads
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.measures.waterfall import HARMONICS, waterfall
 from gearstab.results import Group, ResultTree, Variable, coordinate, fields_of
