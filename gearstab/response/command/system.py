@@ -132,7 +132,7 @@ def _affordable(config: Config, wanted: Respond, system: GearSystem) -> None:
         samples = _duration(wanted, system) / _period(wanted, system) * wanted.samples_per_cycle + 1
     else:
         samples = ramp.samples(wanted, system)
-    numbers = samples * (2 * system.size + 2 * len(system.meshes) + 2)
+    numbers = samples * (2 * system.size + 2 * len(system.meshes) + len(system.connections) + 2)
     if numbers > MOST_NUMBERS:
         asked = next((key for key in ("duration", "cycles") if getattr(wanted, key) is not None), "samples_per_cycle")
         message = (
