@@ -3,7 +3,7 @@ r"""Multipliers outside the unit circle, counted over whole intervals of the mes
 With few states this takes larger pieces than a form (verifier.py, whose notation is used here) and no coordinates. Let
 chi(z; T) = det(z - Phi(T)), real with leading coefficient 1, m states.
 
-**Theorem 3.** Let p = chi, or, where nothing is damped and a form Q is kept, p = chi'/m; n its degree, a_0, ..., a_n = 1
+**Theorem 3.** Let p = chi or, where nothing is damped and a form Q is kept, p = chi'/m; n its degree, a_0, ..., a_n = 1
 its coefficients (others are 0) and D = det(a_(j+l) - a_(j-l)), j, l = 1, ..., n - 1. If p(1) p(-1) D is not 0 for any T
 of an interval, as many zeros of p are outside the unit circle at all these T. If there are none, all solutions decay
 exponentially or, where p = chi'/m, are bounded, also for all A_s near enough that keep Q. Else some grow exponentially.
@@ -19,13 +19,13 @@ on the circle cannot leave it: 1/conj(z) would be another one. If chi' has a zer
 a derivative are within the convex hull of those of the polynomial (Gauss and Lucas).
 
 **On an interval.** The coefficients of chi are computed at equidistant T and interpolated by polynomials of NODES nodes
-on cells, the middle thirds of these; T = T_0 + h z, -1 <= z <= 1. The rest is f^(NODES) h^NODES/NODES! times the product
-of all z - z_j, at most. Here f = +-tr L^k Phi, L^k the action on products of k vectors. Each factor E of Phi has |L^k E|
+on cells, their middle thirds; T = T_0 + h z, -1 <= z <= 1. The rest is f^(NODES) h^NODES/NODES! times the product
+of all z - z_j at most. Here f = +-tr L^k Phi, L^k the action on products of k vectors. Each factor E of Phi has |L^k E|
 <= |E|^k, and a derivative puts before it f_s A_s^[k], the action of f_s A_s on such products, so that
 
     |f^(N)| <= (m over k) (product of all |E_s|)^k (sum of all f_s |A_s^[k]|)^N.
 
-With A = K + S, K skew with eigenvalues +-i v_j, S symmetric, |A^[k]| <= v_1 + v_2 + ... + k |S|, and the sum of all v_j,
+With A = K + S, K skew with eigenvalues +-i v_j, S symmetric, |A^[k]| <= v_1 + v_2 + ... + k|S|, and the sum of all v_j,
 half the sum of all singular values of K, is at most half the sum of the lengths of its columns. |E(T)| is
 bounded by |E|^2 = |E^T E| at the beginning of a block of nodes and grows from there with the largest eigenvalue of S at
 most; both by Gershgorin's discs. For k > m/2, tr L^k Phi = det Phi tr L^(m-k) Phi^-1 is bounded likewise, det Phi =
@@ -139,7 +139,7 @@ class Counter:
         return self.cells[b]
 
     def found(self, values: list[list[arb]], rest: list[arb]) -> Cell:
-        """What a cell is, from what interpolates it and what that leaves."""
+        """Return a cell from the values that interpolate it and the rest that they leave."""
         lines = (_interpolation() * arb_mat(values)).transpose().tolist()
         chi = [_cut(arb_poly([line[0] + arb(0, 1) * r, *line[1:]]), CUT) for line, r in zip(lines, rest, strict=True)]
         chi.append(arb_poly([1]))
@@ -147,7 +147,7 @@ class Counter:
         return p, _crossing(p)
 
     def value(self, j: int) -> list[arb]:
-        """The coefficients of chi at T = j step, but the last; on the way there, those from the beginning of a block on."""
+        """Coefficients of chi at T = j step, but the last; on the way there, those from the beginning of a block on."""
         start = j // BLOCK * BLOCK
         at, flows = self.reached.get(start) or (
             start,
@@ -174,7 +174,7 @@ class Counter:
         return [most.sqrt() * (self.grows * run).exp(), (self.shrinks * run).exp() / least.sqrt(), volume]
 
     def rest(self, grows: arb, shrinks: arb, volume: arb) -> list[arb]:
-        """What the interpolation of each coefficient of chi but the last leaves, at most."""
+        """Return the most that the interpolation of each coefficient of chi but the last leaves."""
         found = []
         for k in range(self.m, 0, -1):
             inverse = 2 * k > self.m
@@ -188,7 +188,7 @@ def _crossing(a: list[arb_poly]) -> arb_poly:
     """p(1) p(-1) D. Row j < n/2 of D's matrix ends with a_n = 1 in column n - j, zeros behind: these are eliminated."""
     n, no = len(a) - 1, arb_poly([])
     ends = [sum((c * sign**k for k, c in enumerate(a)), no) for sign in (1, -1)]
-    entry = {k: c for k, c in enumerate(a)}
+    entry = dict(enumerate(a))
     rows = [[entry.get(j + k, no) - entry.get(j - k, no) for k in range(1, n)] for j in range(1, n)]
     for _ in range((n - 1) // 2):
         pivot, *others = rows
@@ -254,8 +254,8 @@ def _largest(values: Iterable[arb]) -> arb:
 
 @cache
 def _bend() -> arb:
-    """What NODES numbers z_j at distances 1, symmetric to 0, make of the product of all |z - z_j| on a cell, divided
-    by NODES!: in pairs, |z^2 - z_j^2|.
+    """Bound of the product of all |z - z_j| on a cell, over NODES!, of NODES numbers z_j at distances 1, symmetric
+    to 0: in pairs, |z^2 - z_j^2|.
     """
     found = fmpq(1)
     for k in range(NODES // 2):

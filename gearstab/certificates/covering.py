@@ -25,7 +25,7 @@ MOST = 1e-4
 NARROW = 0.05
 """Part of an interval that is given up at each of its ends, at most."""
 BESIDE = 0.1
-"""What is given up on both sides of a crossing of multipliers within an unstable interval, as part of that at an edge."""
+"""Part of a gap at an edge that is given up on both sides of a crossing of multipliers within an unstable interval."""
 SAMPLES = 32
 """Samples a cell in which such crossings are looked for."""
 

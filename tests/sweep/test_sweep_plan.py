@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import ceil, prod
 
 import numpy as np
@@ -100,6 +101,10 @@ def test_what_changes_numbers_changes_the_digest_of_parts() -> None:
     assert base.digest == plan(load(FIG3, ["title=Another"])).digest
     for other in ("sweep.epsilon.num=102", "system.input_shaft_stiffness=0.6", "methods.perturbation.harmonics=4"):
         assert base.digest != plan(load(FIG3, [other])).digest
+    # Blocks of another division would not be chunks of the result.
+    first, *rest = base.layouts
+    halved = replace(first, chunk=tuple((size + 1) // 2 for size in first.chunk))
+    assert base.digest != replace(base, layouts=(halved, *rest)).digest
 
 
 def test_an_unknown_kernel_is_the_users_mistake(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,6 +34,7 @@ from gearstab.sweep.storage.parts import (
     from_bytes,
     head_of,
 )  # fmt: skip
+from gearstab.sweep.storage.previous import identity, replaced
 from gearstab.sweep.storage.store import Hold
 
 SCRIPT = ROOT / "tests" / "reference" / "sweep_faults.py"
@@ -479,3 +480,23 @@ def test_a_part_that_is_written_while_its_folder_goes_goes_too(tmp_path: Path, m
 def test_all_refusals_are_for_the_user() -> None:
     assert issubclass(OutputError, UserError)
     assert OutputError.exit_code == 2
+
+
+def test_another_file_at_the_output_is_told_from_another_time_stamp(tmp_path: Path) -> None:
+    out, other = tmp_path / "out.h5", tmp_path / "other.h5"
+    assert not replaced(out, None)
+    out.write_bytes(b"one")
+    assert replaced(out, None)
+    before = identity(out)
+    os.utime(out, (1, 1))
+    assert not replaced(out, before)
+    # Of the same size, as results of one grid are.
+    other.write_bytes(b"two")
+    os.replace(other, out)
+    assert replaced(out, before)
+    before = identity(out)
+    with out.open("ab") as file:
+        file.write(b" more")
+    assert replaced(out, before)
+    out.unlink()
+    assert replaced(out, before)
