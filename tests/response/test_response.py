@@ -241,6 +241,18 @@ def test_a_softer_level_of_zero_is_free_flight() -> None:
     np.testing.assert_allclose(found.displacement[5:, 0], expected, rtol=1e-13)
 
 
+@pytest.mark.parametrize(("omega", "grows"), [(1.5, False), (2.0, True), (2.7, False)])
+def test_only_growth_is_said_to_be_unstable(omega: float, grows: bool) -> None:
+    """Multipliers leave the circle where |trace| > 2; the stiffness is 1.3 and 0.7 for half a cycle each."""
+    system = build(pair({"epsilon": 0.3}))
+    rates = np.sqrt([1.3, 0.7])
+    (c, other_c), (s, other_s) = np.cos(rates * np.pi / omega), np.sin(rates * np.pi / omega)
+    trace = 2 * c * other_c - (rates[0] / rates[1] + rates[1] / rates[0]) * s * other_s
+    assert bool(abs(trace) > 2) is grows
+    found = free_response(system, omega, np.array([0.1]), np.array([0.0]), 10.0, 10)
+    assert ("unstable" in found.findings) is grows
+
+
 @pytest.mark.parametrize("changes", [{}, {"damping_ratio": 0.02}])
 def test_growth_beyond_double_precision_ends_the_history(changes: dict[str, Any]) -> None:
     system = build(point_a(0.0, **changes))
