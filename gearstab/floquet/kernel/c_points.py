@@ -33,7 +33,7 @@ def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> 
 
 
 def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
-    """The product of all segments ``(P, m, m)`` at points (row, 1/Omega) ``(P,)``, over exp(scale); scale ``(P,)``.
+    """Return products of all segments ``(P, m, m)`` at points (row, 1/Omega) ``(P,)``, over exp(scale); scale ``(P,)``.
 
     In the coordinates of the states; in those of the generators where these go with the mesh frequency or a state has
     no eigenvectors.
