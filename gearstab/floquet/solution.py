@@ -126,9 +126,11 @@ def conservative(part: OperatingPoints, exponents: bool, into: FloquetStability 
 def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Array:
     """All elastic exponents ``(r, P, 2n)``, in units of the pattern's rate."""
     logs = conservative_logs(pattern, omega)
-    logs = np.where(stable[..., None], 1j * logs.imag, logs)
+    np.copyto(logs.real, 0.0, where=stable[..., None])
     period = 2 * np.pi * pattern.cycles / omega
-    return logs / period[..., None] - pattern.elastic.shift[:, None, None]
+    logs /= period[..., None]
+    logs.real -= pattern.elastic.shift[:, None, None]
+    return logs
 
 
 def pieces(rows: Array, points: Array, size: int) -> Iterator[tuple[Array, Array]]:

@@ -58,7 +58,7 @@ def test_moduli_are_those_of_matrix_exponentials(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_products_and_moduli_without_eigenvectors(seed: int) -> None:
-    """States without eigenvectors, as those with two equal exponents have none."""
+    """Exponentials serve states without eigenvectors, as those with two equal exponents."""
     flow, row, cycle = points_of(*random_train(seed), 7)
     flow = replace(flow, sound=np.zeros_like(flow.sound))
     product, scale = c_points.products(flow, row, cycle)
