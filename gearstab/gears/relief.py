@@ -37,9 +37,9 @@ SCAN = 65
 """Points of a piece of the mesh cycle at which changes of contact are looked for: a contact that comes and goes within
 one step is missed."""
 HALVINGS = 52
-"""Of a step of the scan, down to rounding."""
+"""Halvings of a step of the scan, down to rounding."""
 APART = 1e-10
-"""Of a cycle: edges closer than this are one."""
+"""Part of a cycle: edges closer than this are one."""
 
 
 @dataclass(frozen=True)
@@ -272,7 +272,7 @@ def loaded_mesh(pair: Pair, model: StiffnessModel, relief: Relief, force: float)
 
 @dataclass(frozen=True)
 class ReliefForce:
-    """What relief takes off the force of a mesh, k(x) delta(x) - F: N = k q - (k delta - F); a :class:`Profile`.
+    """Force that relief takes off a mesh, k(x) delta(x) - F: N = k q - (k delta - F); a :class:`Profile`.
 
     stiffness: k at the phase x - start; error: delta; force: F ``(...)``.
     """
