@@ -17,11 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearstab.errors import RequestError
-<<<<<<< HEAD
 from gearstab.results.read import groups_of
-=======
 from gearstab.results.variables.flags import Flags
->>>>>>> main
 
 if TYPE_CHECKING:
     import xarray as xr
