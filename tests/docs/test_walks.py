@@ -1,4 +1,4 @@
-"""Every walk of the page, from an empty folder: its files are saved, its commands run, and what it promises is there."""
+"""Every walk of the page, from an empty folder: its files are saved, its commands run, its results are there."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ MISALIGNED = (
     "give the stiffness that they leave as waveform: {kind: sampled, ..} and mean_stiffness",
 )
 TILTING = (
-    "tilting of rotors and bending of shafts are not modelled: gears move in their plane, in a gearbox along the axis too",
+    "tilting rotors and bending shafts are not modelled: gears move in their plane, and along the axis in gearboxes",
     "take kind: matrices with the matrices of a finite element program",
 )
 FRICTION = (
