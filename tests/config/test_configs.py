@@ -12,6 +12,8 @@ from gearstab.config import load
 from gearstab.config.schema import schema
 
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+RUN = {"walks.md", "pipelines.md"}
+"""Pages whose own tests run their configurations, beside the files that these need."""
 
 
 def yaml_blocks(document: Path) -> list[str]:
@@ -20,7 +22,7 @@ def yaml_blocks(document: Path) -> list[str]:
 
 def scenes() -> list[tuple[str, str]]:
     """The complete configurations among the YAML blocks of the documents."""
-    blocks = [(f"{d.name}:{k}", b) for d in DOCUMENTS for k, b in enumerate(yaml_blocks(d))]
+    blocks = [(f"{d.name}:{k}", b) for d in DOCUMENTS if d.name not in RUN for k, b in enumerate(yaml_blocks(d))]
     return [(name, block) for name, block in blocks if re.search(r"^system:", block, re.M)]
 
 

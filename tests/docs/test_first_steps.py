@@ -1,13 +1,9 @@
-"""Page on first steps: its commands run, its names are those of a result, its rules make figures."""
+"""Page on first steps: its commands run, its names are those of a result."""
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import h5py
@@ -64,49 +60,3 @@ def test_names_and_dimensions_of_the_matlab_snippet_are_those_of_a_result(folder
         assert growth.shape[::-1] == (2, 3)  # epsilon x mesh_frequency, as MATLAB lists dimensions
         assert edges.shape[::-1][:2] == (2, 2)  # epsilon x side x tongue
         assert all(name in file for name in names)
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    (tmp_path / "configs").mkdir()
-    for name in ("one", "two"):
-        (tmp_path / "configs" / f"{name}.yaml").write_text(SWEPT)
-    return tmp_path
-
-
-def run(project: Path, *command: str) -> str:
-    """Run a program in which ``gearstab`` is this one."""
-    tools = project / "bin"
-    tools.mkdir(exist_ok=True)
-    (tools / "gearstab").write_text(f"#!/bin/sh\nexec '{sys.executable}' -m gearstab \"$@\"\n")
-    (tools / "gearstab").chmod(0o755)
-    clean = {k: v for k, v in os.environ.items() if k not in {"MAKEFLAGS", "MAKELEVEL", "MFLAGS"}}
-    found = clean | {"PATH": f"{tools}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(command, cwd=project, env=found, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout + done.stderr
-
-
-@pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
-def test_the_rules_of_make_make_what_is_out_of_date(project: Path) -> None:
-    (project / "Makefile").write_text(blocks("make")[0])
-    run(project, "make")
-    assert sorted(path.name for path in (project / "figures").iterdir()) == ["one.png", "two.png"]
-    assert "Nothing to be done" in run(project, "make")
-    (project / "configs" / "two.yaml").write_text(SWEPT.replace("0.3]", "0.4]"))
-    again = run(project, "make")
-    assert "configs/two.yaml" in again
-    assert "configs/one.yaml" not in again
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("snakemake") is None, reason="needs snakemake, which gearstab does not")
-def test_the_rules_of_snakemake_make_figures(project: Path) -> None:
-    (project / "Snakefile").write_text(blocks("python")[-1])
-    run(project, "snakemake", "-c", "2", "--quiet", "all")
-    assert sorted(path.name for path in (project / "figures").iterdir()) == ["one.png", "two.png"]
-    assert "Nothing to be done" in run(project, "snakemake", "-c", "2")
-    # One rule per map: what belongs to the other configuration stays as it is.
-    (project / "configs" / "two.yaml").write_text(SWEPT.replace("0.3]", "0.4]"))
-    again = run(project, "snakemake", "-c", "2")
-    assert re.findall(r"^    output: (\S+)", again, re.M) == ["results/two.h5", "figures/two.png"]

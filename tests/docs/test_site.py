@@ -13,7 +13,7 @@ from pathlib import Path
 import click
 import pytest
 from ruamel.yaml import YAML
-from scenes import DOCS, ROOT
+from scenes import DOCS, ROOT, ran
 
 import gearstab as gs
 from gearstab.cli import group
@@ -67,7 +67,11 @@ def test_commands_are_understood(page: str) -> None:
             command.make_parser(click.Context(command)).parse_args(words[1:])  # raises for an option it does not have
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if any(whole(b) for b in blocks(page, "yaml"))])
+RUN = {"guide/walks", "guide/pipelines"}
+"""Pages whose own tests run their configurations, beside the files that these need."""
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in RUN and any(map(whole, blocks(page, "yaml")))])
 def test_whole_configurations_are_valid(page: str, tmp_path: Path) -> None:
     for block in filter(whole, blocks(page, "yaml")):
         (tmp_path / "train.yaml").write_text(block)
@@ -107,3 +111,23 @@ def test_it_builds_without_warnings(tmp_path: Path) -> None:
     shown = (tmp_path / "guide/gallery.html").read_text()
     configs = [p for p in (ROOT / "configs").rglob("*.yaml") if p.parent.name != "benchmarks"]
     assert shown.count("<h2>") == len(configs)
+
+
+LIMITS = re.findall(r"^\| [^|]+ \| (`\S+=[^|]+`) \| (.+) \|$", (DOCS / "guide/limits.md").read_text(), re.M)
+
+
+@pytest.mark.parametrize(("cell", "message"), LIMITS, ids=[cell.strip("`") for cell, _ in LIMITS])
+def test_what_is_not_modelled_is_refused_as_the_page_says(cell: str, message: str, tmp_path: Path) -> None:
+    # The second file is for the rows behind it.
+    pair, rotor = blocks("guide/limits", "yaml")
+    text = (DOCS / "guide/limits.md").read_text()
+    (tmp_path / "train.yaml").write_text(rotor if text.index(rotor) < text.index(cell) else pair)
+    overrides = [word for setting in re.findall(r"`([^`]+)`", cell) for word in ("--set", setting)]
+    done = ran("sweep", tmp_path / "train.yaml", "--dry-run", *overrides)
+    assert done.exit_code == 2
+    (line,) = done.stderr.splitlines()
+    assert line.endswith(f": {message}")
+
+
+def test_the_page_of_limits_lists_them() -> None:
+    assert len(LIMITS) >= 10

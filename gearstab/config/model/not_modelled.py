@@ -15,9 +15,34 @@ MODIFIED = (
     "give the mesh relief: {tip: {amount: 20 um, length: 2 mm}}, or the stiffness that they leave as waveform: "
     "{kind: sampled, ..}",
 )
+MISALIGNED = (
+    "misalignment of gears and a load that varies along the face are not modelled",
+    "give the stiffness that they leave as waveform: {kind: sampled, ..} and mean_stiffness",
+)
+TILTING = (
+    "tilting rotors and bending shafts are not modelled: gears move in their plane, and along the axis in gearboxes",
+    "take kind: matrices with the matrices of a finite element program",
+)
+FRICTION = (
+    "dry friction of bearings and seals is not modelled: all damping is viscous",
+    "give damping_ratio, or friction: {coefficient: ..} to a mesh of kind: gearbox for that between teeth",
+)
+STRUCTURAL = (
+    "structural (hysteretic) damping, which depends on no frequency, is not modelled: all damping is viscous",
+    "give damping_ratio: a loss factor of 0.02 is one of 0.01 at resonance",
+)
+HEAT = (
+    "temperatures and lubricant films are not modelled",
+    "change what they change: stiffness, centre distance, damping",
+)
 NOT_MODELLED = {
     **dict.fromkeys(("helix_angle", "helix", "hand", "overlap_ratio"), HELICAL),
     **dict.fromkeys(("cone_angle", "pitch_cone_angle", "shaft_angle", "spiral_angle", "lead_angle"), BEVEL),
+    **dict.fromkeys(("misalignment", "misaligned", "lead_crowning", "face_load_factor"), MISALIGNED),
+    **dict.fromkeys(("tilting_stiffness", "tilt", "diametral_inertia", "bending_stiffness"), TILTING),
+    **dict.fromkeys(("dry_friction", "coulomb_friction", "friction_torque"), FRICTION),
+    **dict.fromkeys(("structural_damping", "hysteretic_damping", "loss_factor"), STRUCTURAL),
+    **dict.fromkeys(("temperature", "lubricant", "film_thickness", "oil_film"), HEAT),
     **dict.fromkeys(("relief", "tip_relief", "root_relief", "crowning", "profile_modification"), MODIFIED),
 }
 """Key -> message and remedy, in every section of a system."""
