@@ -15,9 +15,14 @@ MODIFIED = (
     "give the mesh relief: {tip: {amount: 20 um, length: 2 mm}}, or the stiffness that they leave as waveform: "
     "{kind: sampled, ..}",
 )
+REVOLVING = (
+    "errors that repeat with a revolution are those of a mesh of two gears of kind: gearbox, and not of planetary sets",
+    "give that mesh revolution_errors: [{gear: NAME, cos: [10 um]}], or remove it",
+)
 NOT_MODELLED = {
     **dict.fromkeys(("helix_angle", "helix", "hand", "overlap_ratio"), HELICAL),
     **dict.fromkeys(("cone_angle", "pitch_cone_angle", "shaft_angle", "spiral_angle", "lead_angle"), BEVEL),
+    **dict.fromkeys(("revolution_errors", "eccentricity", "run_out", "runout", "pitch_error", "pitch_errors"), REVOLVING),
     **dict.fromkeys(("relief", "tip_relief", "root_relief", "crowning", "profile_modification"), MODIFIED),
 }
 """Key -> message and remedy, in every section of a system."""
