@@ -100,7 +100,7 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
         "": ("--kind", "curve", "--variable", "transmission_error_first_harmonic"),
     },
 }
-"""What ``gearstab plot`` is told where its choice is not the figure wanted: by configuration and ending of the name."""
+"""Options of ``gearstab plot`` where its choice is not the figure wanted: by configuration and ending of the name."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a point of a system costs whose matrices act with speeds of rotation, beside products of exponentials."""
+"""Cost of a point of a system whose matrices act with speeds of rotation, compared with products of exponentials."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gearstab.system import Array, GearSystem
 POINTS, PRODUCTS = 1 << 15, 500
 """Mesh frequencies at which the product is timed, and products of exponentials, which take a hundred times as long."""
 RUNS = 5
-"""Of which the median counts."""
+"""Number of runs; their median counts."""
 
 
 @dataclass(frozen=True)

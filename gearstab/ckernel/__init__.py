@@ -153,7 +153,7 @@ def light_modes(squared: Array, shapes: Array, damping: Array) -> tuple[Array, A
 
 
 def magnus_steps(coefficients: Array, length: Array, period: Array, matrix: Array, scale: Array) -> tuple[Array, Array]:
-    """Return what :func:`gearstab.propagation.products.propagated` does."""
+    """Return what :func:`gearstab.propagation.magnus.propagated` does."""
     given = [np.ascontiguousarray(values, dtype=float) for values in (coefficients, length, period)]
     found, taken = np.array(matrix, dtype=float, order="C"), np.array(scale, dtype=float)
     points = len(found)

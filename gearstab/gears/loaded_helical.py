@@ -39,9 +39,9 @@ Array = np.ndarray
 NARROW = 1e-8
 """An overlap ratio up to this is none: it would cost more digits in differences of integrals than it changes."""
 STEPS = 60
-"""Of Newton's method at most; some five are taken."""
+"""Steps of Newton's method at most; some five are taken."""
 CONVERGED = 1e-11
-"""Of delta, relative: the step of Newton's method after which one more would be below rounding, of 1e-22."""
+"""Step of Newton's method, over delta, after which one more would be below rounding, 1e-22."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Profile relief: the material taken off the flanks, and what a mesh whose pairs of teeth have gaps is under load.
+"""Profile relief: the material taken off the flanks, and a mesh under load whose pairs of teeth have gaps.
 
 delta over the mesh cycle, the approach of the gears under a constant normal force F, is the static transmission error.
 Small vibration about this state has the tangent stiffness k_T = dF/d delta, that of all contact there is, and not the
@@ -33,7 +33,7 @@ one step is missed."""
 SECTIONS, ROUNDS = 8, 16
 """Parts that a step of the scan is cut into, again and again, down to rounding: arrays cost less than rounds."""
 APART = 1e-10
-"""Of a cycle: edges closer than this are one."""
+"""Part of a cycle: edges closer than this are one."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ def distinct(phases: Sequence[float]) -> Array:
 
 @dataclass(frozen=True)
 class ReliefForce:
-    """What relief takes off the force of a mesh, k(x) delta(x) - F: N = k q - (k delta - F); a :class:`Profile`.
+    """Force that relief takes off a mesh, k(x) delta(x) - F: N = k q - (k delta - F); a :class:`Profile`.
 
     stiffness: k at the phase x - start; error: delta; force: F ``(...)``.
     """

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import operator
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import prod
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearstab.errors import RequestError
+from gearstab.results.variables.flags import Flags
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -85,21 +87,14 @@ def _place(point: xr.DataArray, dims: tuple[Any, ...]) -> dict[str, Any]:
     return {str(dim): point[dim].values.item() for dim in dims if dim in point.coords}
 
 
-def _bits(status: xr.DataArray) -> dict[str, int]:
-    names = str(status.attrs.get("flag_meanings", "")).split()
-    return dict(zip(names, np.ravel(status.attrs.get("flag_masks", ())).tolist(), strict=False))
-
-
 def _flags(dataset: xr.Dataset) -> dict[str, int] | None:
     """How many values of ``status`` carry each flag, those that none carries left out."""
-    if "status" not in dataset.data_vars or not (bits := _bits(dataset["status"])):
+    if "status" not in dataset.data_vars or not (flags := Flags.of(dataset["status"].attrs)):
         return None
-    total = dict.fromkeys(bits, 0)
+    total: Counter[str] = Counter()
     for part in pieces(dataset["status"].shape):
-        values = dataset["status"][part].values
-        for name, bit in bits.items():
-            total[name] += int(np.count_nonzero(values & bit))
-    return {name: count for name, count in total.items() if count}
+        total.update(flags.counted(dataset["status"][part].values))
+    return {name: total[name] for name in flags if total[name]}
 
 
 def _doubtful(dataset: xr.Dataset) -> int:
@@ -107,7 +102,7 @@ def _doubtful(dataset: xr.Dataset) -> int:
     from gearstab.methods import METHODS
 
     noted = {name for method in METHODS.values() for name in method.flag_notes} | set(NEAR)
-    mask = sum(bit for name, bit in _bits(dataset["status"]).items() if name in noted)
+    mask = sum(bit for name, bit in Flags.of(dataset["status"].attrs).items() if name in noted)
     status = dataset["status"]
     return sum(int(np.count_nonzero(status[part].values & mask)) for part in pieces(status.shape))
 

@@ -38,7 +38,7 @@ def points_of(system: GearSystem, start: float, stop: float, count: int) -> tupl
 
 
 def monodromy(flow: Chain, cycle: float) -> np.ndarray:
-    """Of row 0, by SciPy's matrix exponential of the generators themselves."""
+    """Monodromy of row 0, by SciPy's matrix exponential of the generators themselves."""
     period, product = float(flow.period(np.array(cycle))), np.eye(flow.size)
     for s, state in enumerate(flow.states):
         product = expm(flow.generator.matrix[0, state] * flow.fractions[0, s] * period) @ product
@@ -110,7 +110,7 @@ def test_the_lyapunov_function_decreases_for_all_stretchings_within_its_radius()
 
 
 def test_a_radius_does_not_reach_over_the_closed_form_edge() -> None:
-    """Of a gear pair: growth of the undamped companion equals the decay."""
+    """Edge of a gear pair: growth of the undamped companion equals the decay."""
     zeta, epsilon = 0.02, 0.4
     mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": 1.5}
     pair = build({"kind": "gear_pair", "equivalent_mass": 1.0, "damping_ratio": zeta, "meshes": [mesh]})

@@ -1,4 +1,4 @@
-"""What a sweep came to, for machines: ``--json``, ``--fail-if``, ``info RESULT --json``."""
+"""Outcome of a sweep for machines: ``--json``, ``--fail-if``, ``info RESULT --json``."""
 
 from __future__ import annotations
 

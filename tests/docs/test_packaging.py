@@ -1,4 +1,4 @@
-"""What an installation relies on: dependencies, lock, version, build with and without a compiler, make targets."""
+"""Requirements of an installation: dependencies, lock, version, build with and without a compiler, make targets."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ HOOK = "import sys; from setuptools import build_meta; print(build_meta.{hook}(s
 
 
 def packed(folder: Path, out: Path, hook: str) -> Path:
-    """What a hook of the build makes of a source tree."""
+    """Archive that a hook of the build makes of a source tree."""
     out.mkdir(exist_ok=True)
     command = [sys.executable, "-W", "ignore", "-c", HOOK.format(hook=hook), str(out)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)

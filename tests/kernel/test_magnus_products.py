@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from gearstab import ckernel
-from gearstab.propagation.products import MagnusSteps, eigenvalues, propagated
+from gearstab.propagation.magnus import MagnusSteps, eigenvalues, propagated
 
 
 @pytest.fixture(params=ckernel.library.levels())
@@ -61,7 +61,7 @@ def test_a_point_has_the_same_bits_beside_any_others() -> None:
 
 @pytest.mark.usefixtures("level")
 def test_long_steps_neither_overflow_nor_underflow() -> None:
-    """What is taken out of each is its growth; what is left of the other direction is nothing."""
+    """Each product is freed of its growth; what is left of the other direction is nothing."""
     rates = np.zeros((2, 5, 2, 2))
     rates[0, 0], rates[1, 0] = np.diag([1e4, -1e4]), np.diag([-2e4, -3e4])
     matrix, scale = propagated(MagnusSteps(rates, np.ones(2)), np.array([1.0]), np.eye(2)[None], np.zeros(1))

@@ -1,4 +1,4 @@
-"""What motions with backlash settle to, and how a configuration asks for them."""
+"""Motions with backlash after a long time, and how a configuration asks for them."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_point_a_stays_bounded_with_damping_and_quiet_where_it_is_stable() -> No
 
 
 def test_much_larger_motions_than_the_backlash_grow_as_without_it() -> None:
-    """What loss of contact cannot stop: the rate is that of the linear system, by Floquet theory."""
+    """Loss of contact cannot stop such growth: the rate is that of the linear system, by Floquet theory."""
     system, omega = loaded_a(0.0, 0.01, 2.0), 4.2
     period = 2 * np.pi / omega
     found = backlash_response(system, omega, 300 * period, (np.array([1.0, 1.0, 1.0]), np.zeros(3)), 4)

@@ -22,9 +22,9 @@ from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, empty, settled
 from gearstab.interrupts import heed
+from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.elastic import ElasticForm, elastic_forms
-from gearstab.propagation.magnus import NODES, ORDER, polynomial
-from gearstab.propagation.products import MagnusSteps, eigenvalues, propagated
+from gearstab.propagation.magnus import NODES, ORDER, MagnusSteps, eigenvalues, polynomial, propagated
 from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
@@ -187,27 +187,24 @@ def _log_multipliers(
     logs = [np.full((points, row.size), np.nan, dtype=complex) for row in rows]
     error = np.full(omega.shape, np.nan)
     level = _first_levels(rows, plan, cycles, omega) if varies.any() else np.zeros(omega.shape, dtype=int)
-    pending = np.ones(omega.shape, dtype=bool)
-    for current in range(int(level.max(initial=0)) + FINEST + 1):
-        chosen = pending & (level <= current)
-        if not chosen.any():
-            continue
+    period = 2 * np.pi * cycles / omega
+    control = StepControl(level, level + (FINEST if varies.any() else 0), tolerance, ORDER)
+    for current, chosen in control:
         coarse = _steps(plan, varies, 2**current)
         first = _Division.of(plan, coarse)
         both = first, _Division.of(plan, np.where(varies, 2 * coarse, 1)) if varies.any() else first
         for r in np.flatnonzero(chosen.any(axis=1)):
             members = np.flatnonzero(chosen[r])
-            period = 2 * np.pi * cycles / omega[r, members]
-            values, scale, own = _compared(rows[r], int(r), both, period)
-            more = (current < level[r, members] + FINEST) & (own > 4 * ROUNDING * both[1].steps.sum())
-            pending[r, members] = (own > tolerance) & more
+            values, scale, error[r, members] = _compared(rows[r], int(r), both, period[r, members])
             with np.errstate(divide="ignore"):
-                logs[r][members], error[r, members] = np.log(values) + scale[:, None], own
-            if exponents:
-                apart = np.ptp(logs[r].real[members], axis=1) if values.shape[1] else np.zeros(len(members))
-                wide = np.isfinite(own) & ~pending[r, members] & (apart > SPREAD)
-                if wide.any():
-                    logs[r][members[wide]] = _graded(both[1], rows[r], int(r), period[wide])
+                logs[r][members] = np.log(values) + scale[:, None]
+        control.judge(error[chosen], 2 * ROUNDING * both[1].steps.sum())
+        for r in np.flatnonzero((chosen & ~control.pending).any(axis=1)) if exponents else ():
+            members = np.flatnonzero(chosen[r] & ~control.pending[r])
+            apart = np.ptp(logs[r].real[members], axis=1) if logs[r].shape[1] else np.zeros(len(members))
+            wide = members[np.isfinite(error[r, members]) & (apart > SPREAD)]
+            if len(wide):
+                logs[r][wide] = _graded(both[1], rows[r], int(r), period[r, wide])
     return logs, error
 
 
@@ -253,7 +250,7 @@ def _compared(
         with np.errstate(over="ignore", invalid="ignore"):
             gap = _distance(before * np.exp(other - scale)[:, None], values)
             size = np.maximum(np.abs(values).max(axis=1, initial=0.0), np.exp(-scale))
-            error = error + SAFETY * gap / (2**ORDER - 1) / size
+            error = error + SAFETY * remainder(ORDER) * gap / size
     return values, scale, np.where(np.isfinite(values).all(axis=1), error, np.nan)
 
 

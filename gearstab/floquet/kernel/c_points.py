@@ -31,7 +31,7 @@ def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> 
 
 
 def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
-    """What :func:`gearstab.floquet.kernel.lyapunov.products` says; where generators go with the mesh frequency, in the
+    """C form of :func:`gearstab.floquet.kernel.lyapunov.products`; where generators go with the mesh frequency, in the
     coordinates of these.
     """
     matrix, scale = np.empty((len(row), chain.size, chain.size)), np.empty(len(row))

@@ -57,7 +57,7 @@ def configured(folder: Path, text: str) -> Path:
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of two systems, each in a block of its own, in two processes."""
+    """Result of two systems, each in a block of its own, in two processes."""
     folder = tmp_path_factory.mktemp("branches")
     prepared = plan(load(configured(folder, CONFIG)))
     assert [block.shape for block in prepared.layout("branches").blocks()] == [(1,), (1,)]
@@ -243,7 +243,7 @@ def test_bench_measures_branches() -> None:
     "text", [CONFIG.replace("start: 0.55", "start: 0.95"), SYSTEM + OVER.replace("start: 2.0", "start: 3.9")]
 )
 def test_finished_blocks_are_taken_up_again(tmp_path: Path, text: str) -> None:
-    """What a sweep that was interrupted has finished counts: its parts hold what they may, where nothing is too."""
+    """Finished blocks of an interrupted sweep count: its parts hold what they may, where nothing is too."""
     prepared = plan(load(configured(tmp_path, text)))
     block = next(prepared.layout("branches").blocks())
     assert fits(prepared, block, compute(prepared, block))
