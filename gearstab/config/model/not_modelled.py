@@ -22,7 +22,7 @@ REVOLVING = (
 NOT_MODELLED = {
     **dict.fromkeys(("helix_angle", "helix", "hand", "overlap_ratio"), HELICAL),
     **dict.fromkeys(("cone_angle", "pitch_cone_angle", "shaft_angle", "spiral_angle", "lead_angle"), BEVEL),
-    **dict.fromkeys(("revolution_errors", "eccentricity", "run_out", "runout", "pitch_error", "pitch_errors"), REVOLVING),
+    **dict.fromkeys(("revolution_errors", "eccentricity", "run_out", "runout", "pitch_error"), REVOLVING),
     **dict.fromkeys(("relief", "tip_relief", "root_relief", "crowning", "profile_modification"), MODIFIED),
 }
 """Key -> message and remedy, in every section of a system."""

@@ -78,7 +78,8 @@ def number_orders(
                     cost += np.sum(near & (np.abs(middle[:, None, 1] - height) < half[1]), axis=1)
         cost = np.where(inside, cost, np.iinfo(int).max)
         best = ACROSS - 1 - int(np.argmin(cost[::-1]))
-        text.set_position(ax.transData.inverted().transform(middle[best]))
+        x, y = ax.transData.inverted().transform(middle[best])
+        text.set_position((float(x), float(y)))
         crowd = np.concatenate([crowd, _corners(middle[best], half)])
 
 
