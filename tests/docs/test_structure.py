@@ -165,7 +165,7 @@ BUDGETS: dict[str, dict[str, tuple[int, int]]] = {
         "design": (21, 1650),
         "exchange": (6, 400),
         "floquet": (81, 7100),
-        "gears": (13, 1310),
+        "gears": (13, 1400),
         "info": (16, 2020),
         "methods": (16, 1620),
         "passage": (5, 420),
