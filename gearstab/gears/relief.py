@@ -1,4 +1,4 @@
-"""Profile relief: the material taken off the flanks, and what a mesh whose pairs of teeth have gaps is under load.
+"""Profile relief: the material taken off the flanks, and a mesh under load whose pairs of teeth have gaps.
 
 delta over the mesh cycle, the approach of the gears under a constant normal force F, is the static transmission error.
 Small vibration about this state has the tangent stiffness k_T = dF/d delta, that of all contact there is, and not the

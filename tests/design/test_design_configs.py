@@ -17,6 +17,8 @@ from gearstab.design.judging.quantities import EXACT
 from gearstab.design.problem import DesignProblem
 from gearstab.design.reasons.tongues import single
 from gearstab.floquet.boundaries import boundaries
+from gearstab.gears.loaded import equilibrium
+from gearstab.gears.mesh_stiffness import single_stiffness
 from gearstab.symmetry import phase_step
 from gearstab.system import GearSystem
 
@@ -58,6 +60,41 @@ def test_the_optimum_is_a_minimum_of_its_neighbourhood(tmp_path: Path, name: str
     everywhere = low + (high - low) * rng.random((1000, len(best)))
     assert widths(problem, everywhere).min() > float(found["objective_optimum"])
     assert found.attrs["verification_mismatches"] == 0
+
+
+@pytest.mark.slow
+def test_the_torque_of_a_relief_is_that_of_the_flattest_error(tmp_path: Path) -> None:
+    """Against the least of a scan over the torque, of errors sampled from the law of sorted gaps."""
+    found = designed(FOLDER / "relief_torque.yaml", tmp_path)
+    train = load(FOLDER / "relief_torque.yaml").system.train()
+    teeth = train.meshes[0].teeth
+    (pair,), (loaded,) = teeth.pairs, teeth.loaded
+    s, touching = pair.contacts(np.linspace(0.0, 1.0, 4001))
+    s = np.clip(s, *pair.path)
+    k = np.where(touching, single_stiffness(pair, s, teeth.models[0]), 0.0)
+    torques = np.linspace(20.0, 800.0, 1561)
+    gap, per_torque = loaded.relief.gap(pair, s), loaded.force / 200.0
+    errors = [np.ptp(equilibrium(k, gap, per_torque * torque)[0]) for torque in torques]
+    assert float(found["optimum"].values[0]) == pytest.approx(torques[np.argmin(errors)], abs=1.0)
+    assert float(found["objective_optimum"]) == pytest.approx(min(errors), rel=0.02)
+    assert float(found["objective_optimum"]) < 0.3 * float(found["objective_initial"])
+
+
+@pytest.mark.slow
+def test_no_other_relief_and_torque_are_more_stable(tmp_path: Path) -> None:
+    """Widths are told in the speed of the pinion of 32 teeth, and found in the mesh frequency."""
+    found = designed(FOLDER / "relief.yaml", tmp_path)
+    config = load(FOLDER / "relief.yaml")
+    assert config.design is not None
+    problem = DesignProblem(config, config.design)
+    best, (low, high), least = found["optimum"].values, problem.bounds, float(found["objective_optimum"])
+    assert widths(problem, best[None])[0] / 32 == pytest.approx(least, rel=1e-6)
+    rng = np.random.default_rng(7)
+    for size in (0.1, 0.01):
+        around = np.clip(best + size * (high - low) * rng.uniform(-1, 1, (60, len(best))), low, high)
+        assert widths(problem, around).min() / 32 > least * (1 - 1e-3)
+    everywhere = low + (high - low) * rng.random((200, len(best)))
+    assert widths(problem, everywhere).min() / 32 > least * (1 - 1e-3)
 
 
 @pytest.mark.slow

@@ -93,7 +93,7 @@ def test_many_slices_of_sorted_gaps_come_near(angle: float, wheel_drives: bool) 
 
 @pytest.mark.parametrize("force", [400.0, 3000.0])
 def test_the_spur_limit(force: float) -> None:
-    """The rest falls with the helix angle, as the lines do, and is nothing at 0."""
+    """The difference falls with the helix angle, as the lines do, and is nothing at 0."""
     x = np.linspace(0.003, 0.983, 29)
     relief = RELIEFS["tips"]
     spur = loaded_mesh(pair(0.0), PLAIN, relief, force)

@@ -35,6 +35,10 @@ HEAT = (
     "temperatures and lubricant films are not modelled",
     "change what they change: stiffness, centre distance, damping",
 )
+REVOLVING = (
+    "errors that repeat with a revolution are those of a mesh of two gears of kind: gearbox, and not of planetary sets",
+    "give that mesh revolution_errors: [{gear: NAME, cos: [10 um]}], or remove it",
+)
 NOT_MODELLED = {
     **dict.fromkeys(("helix_angle", "helix", "hand", "overlap_ratio"), HELICAL),
     **dict.fromkeys(("cone_angle", "pitch_cone_angle", "shaft_angle", "spiral_angle", "lead_angle"), BEVEL),
@@ -43,6 +47,7 @@ NOT_MODELLED = {
     **dict.fromkeys(("dry_friction", "coulomb_friction", "friction_torque"), FRICTION),
     **dict.fromkeys(("structural_damping", "hysteretic_damping", "loss_factor"), STRUCTURAL),
     **dict.fromkeys(("temperature", "lubricant", "film_thickness", "oil_film"), HEAT),
+    **dict.fromkeys(("revolution_errors", "eccentricity", "run_out", "runout", "pitch_error"), REVOLVING),
     **dict.fromkeys(("relief", "tip_relief", "root_relief", "crowning", "profile_modification"), MODIFIED),
 }
 """Key -> message and remedy, in every section of a system."""

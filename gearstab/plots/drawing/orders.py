@@ -20,7 +20,7 @@ HALO = [withStroke(linewidth=2.0, foreground="white")]
 ACROSS = 257
 """Points of a line at which it is looked for others."""
 CROWD = 1000
-"""How many points of lines a number, or a mark, counts that would be under another number."""
+"""Points of lines that a mark, or another number, counts as under a number."""
 CLEAR = 0.5
 """Points around a number that are kept clear."""
 

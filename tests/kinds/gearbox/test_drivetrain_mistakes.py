@@ -67,6 +67,10 @@ CASES = {
         "rotors.1.inertia", "{name: carrier 1}", "is missing", "add inertia"),
     "a mesh with a rotor without teeth": ("gears: [wheel, pinion]", "gears: [wheel, generator]",
         "meshes.0.gears.1", "gears: [wheel, generator]", "has no teeth", ""),
+    "an eccentric sun": ("sun: {damping_ratio: 0.02}", "sun: {damping_ratio: 0.02, "
+        "revolution_errors: [{gear: sun 1, cos: [10 um]}]}",
+        "planetary_sets.0.meshes.sun.revolution_errors", "revolution_errors:", "not of planetary sets",
+        "give that mesh"),
     "relief without a torque": ("damping_ratio: 0.02}\n  shafts", "damping_ratio: 0.02, "
         "relief: {tip: {amount: 60 um, length: 10 mm}}}\n  shafts", "meshes.0.relief", "relief:", "no torques",
         "add a torque"),

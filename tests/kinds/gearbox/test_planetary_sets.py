@@ -196,6 +196,40 @@ def test_a_train_of_one_set_is_the_planetary_gear(tmp_path: Path, driving: str, 
     np.testing.assert_allclose(again, growth, rtol=0, atol=1e-10 * float(first.natural_frequency[-1]))
 
 
+SPACED = [f"{360 / 98 * step:.12g} deg" for step in (0, 13, 29, 41, 56, 70, 84)]
+"""Unequal places where 29 and 69 teeth fit."""
+
+
+@pytest.mark.parametrize(
+    ("of_gear", "of_set", "of_planets"),
+    [({"angles": SPACED}, {}, {"angles": SPACED}),
+     ({"carrier_speed": "from_teeth"}, {"carrier_speed": "from_teeth"}, {}),
+     ({"angles": SPACED, "carrier_speed": "from_teeth"}, {"carrier_speed": "from_teeth"}, {"angles": SPACED}),
+     ({"phases": {"sun_ring": 0.3}}, {"phases": {"sun_ring": 0.3}}, {})],
+    ids=["unequal angles", "turning carrier", "both", "phase of the ring"],
+)  # fmt: skip
+@pytest.mark.parametrize(("driving", "held"), [("sun", "ring"), ("ring", "sun")])
+def test_so_it_is_with_unequal_angles_and_a_turning_carrier(
+    tmp_path: Path, driving: str, held: str, of_gear: dict[str, Any], of_set: dict[str, Any],
+    of_planets: dict[str, Any],
+) -> None:  # fmt: skip
+    """The growth of both to 1e-10 of the largest frequency; matrices that turn act on the same motions."""
+    gear, train = alone(driving, held, "counter-clockwise"), in_a_train(driving, held, "counter-clockwise")
+    gear |= of_gear
+    train["planetary_sets"][0] |= of_set
+    train["planetary_sets"][0]["planets"] |= of_planets
+    one, other = (read(tmp_path, as_text(section)).system.build() for section in (gear, train))
+    first, second = mean_modes(one), mean_modes(other)
+    np.testing.assert_allclose(second.natural_frequency, first.natural_frequency, rtol=1e-10)
+    for k, mesh in enumerate(one.meshes):
+        assert float(other.meshes[k].lag) % 1 == pytest.approx(float(mesh.lag) % 1, abs=1e-12)
+    assert len(one.rotations) == len(other.rotations) == len(of_set.keys() & {"carrier_speed"})
+    omega = np.linspace(0.3, 2.1, 25) * float(first.natural_frequency[-3])
+    growth, again = solve(one, omega).growth_rate, solve(other, omega).growth_rate
+    assert growth.max() > 0
+    np.testing.assert_allclose(again, growth, rtol=0, atol=1e-10 * float(first.natural_frequency[-1]))
+
+
 TWO = """\
 system:
   kind: gearbox
