@@ -25,10 +25,10 @@ Phi has |L^k E_s| <= |E_s|^k, and a derivative puts f_s A_s^[k] before it, f_s A
 
     |f^(N)| <= (m over k) (product of all |E_s|)^k (sum of all f_s |A_s^[k]|)^N.
 
-With A = K + S, K skew with eigenvalues +-i v_j, S symmetric, |A^[k]| <= v_1 + v_2 + ... + k |S|, and the sum of all v_j,
+With A = K + S, K skew, eigenvalues +-i v_j, S symmetric, |A^[k]| <= v_1 + v_2 + ... + k |S|, and the sum of all v_j,
 half the sum of all singular values of K, is at most half the sum of the lengths of its rows. |E_s|^2 = |E_s^T E_s| is
-bounded at the beginning of a run of nodes, and |E_s| grows from there as exp(f_s T times the largest eigenvalue of S)
-at most, both by Gershgorin's discs. Where k > m/2, tr L^k Phi = det Phi tr L^(m-k) Phi^-1 is bounded likewise, with
+bounded at the beginning of a run of nodes; |E_s| then grows like exp(f_s T s) at most, s the largest eigenvalue of S.
+Both are bounded by Gershgorin's discs. Where k > m/2, tr L^k Phi = det Phi tr L^(m-k) Phi^-1 is bounded likewise, with
 det Phi = exp(T sum f_s tr A_s). Norms are spectral ones in coordinates of choices.py; any choice is right.
 What tells zeros from none on a cell is in roots.py.
 
