@@ -8,9 +8,10 @@ import numpy as np
 from flint import arb
 from scipy.optimize import brentq
 
-from gearstab.certificates.counting import Counter, countable
+from gearstab.certificates.counting import Counter
 from gearstab.certificates.equations import flow
 from gearstab.certificates.making import Maker
+from gearstab.certificates.proof import counter
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import gaps
 from gearstab.certificates.verifier import COUNTED, Array, Certificate, Flow, proves
@@ -25,7 +26,7 @@ MOST = 1e-4
 NARROW = 0.05
 """Part of an interval that is given up at each of its ends, at most."""
 BESIDE = 0.1
-"""Part of a gap at an edge that is given up on both sides of a crossing of multipliers within an unstable interval."""
+"""What is given up beside multipliers that cross the circle in an unstable interval, as part of that at an edge."""
 SAMPLES = 32
 """Samples a cell in which such crossings are looked for."""
 
@@ -56,47 +57,56 @@ def verdicts(system: GearSystem, omega: Array) -> Array:
 def _of_row(known: Flow, ends: Array) -> list[Certificate]:
     widths = np.diff(np.log(ends))
     share = LEFT * widths.sum() / (2 * len(widths))
-    counter = Counter(known) if countable(known) else None
+    counting = counter(known)
     found: list[Certificate] = []
     for k, width in enumerate(widths):
         least = max(LEAST, min(share, MOST, NARROW * width))
         edges = k > 0, k < len(widths) - 1
         low, high = ends[k] * (1 + edges[0] * least), ends[k + 1] * (1 - edges[1] * least)
-        counted = [] if counter is None else _counted(counter, low, high, least)
-        found += counted
-        maker = Maker(known, least)
-        for start, stop in gaps(np.array([(piece.low, piece.high) for piece in counted]).reshape(-1, 2), low, high):
-            if stop > start * (1 + least):
-                found += maker.cover(start, stop, (edges[0] and start == low, edges[1] and stop == high))
-    return sorted(found, key=lambda piece: piece.low)
-
-
-def _counted(counter: Counter, low: float, high: float, least: float) -> list[Certificate]:
-    """Pieces without coordinates: an interval, or what is between places where multipliers cross the circle while
-    others are outside.
-    """
-    if (outside := counter.outside(low, high)) is not None:
-        return [Certificate(low, high, int(outside > 0), COUNTED, np.zeros((0, 0)))]
-    zeros = _zeros(counter, low, high)
-    starts, ends = (
-        [sign_end, *(at * (1 + sign * BESIDE * least) for at in zeros)] for sign_end, sign in ((low, 1), (high, -1))
-    )
-    found = []
-    for start, end in zip(starts, [*ends[1:], high], strict=True):
-        if zeros and start < end and (outside := counter.outside(start, end)) is not None:
-            found.append(Certificate(start, end, int(outside > 0), COUNTED, np.zeros((0, 0))))
+        counted = [] if counting is None else _without_coordinates(counting, low, high, least)
+        left = gaps(np.array([(piece.low, piece.high) for piece in counted]).reshape(-1, 2), low, high)
+        left = left[left[:, 1] > left[:, 0] * (1 + least)]
+        if len(left):
+            maker = Maker(known, least)
+            for start, stop in left.tolist():
+                counted += maker.cover(start, stop, (edges[0] and start == low, edges[1] and stop == high))
+        found += sorted(counted, key=lambda piece: piece.low)
     return found
 
 
-def _zeros(counter: Counter, low: float, high: float) -> list[float]:
+def _without_coordinates(counting: Counter, low: float, high: float, least: float) -> list[Certificate]:
+    """Pieces of an interval by Theorem 3: the whole, or what lies between places where multipliers cross the circle
+    while others are outside.
+    """
+    if (whole := _counted(counting, low, high)) is not None:
+        return [whole]
+    beside, zeros = BESIDE * least, _zeros(counting, low, high)
+    starts, ends = [low, *(at * (1 + beside) for at in zeros)], [*(at * (1 - beside) for at in zeros), high]
+    parts, found = [*zip(starts, ends, strict=True)], []
+    while parts:
+        start, end = parts.pop()
+        if (piece := _counted(counting, start, end) if start < end else None) is not None:
+            found.append(piece)
+        elif counting.place(start) - counting.place(end) > 1:  # more than a cell: a half of it may do
+            middle = float(np.sqrt(start * end))
+            parts += [(start, middle), (middle, end)]
+    return found
+
+
+def _counted(counting: Counter, low: float, high: float) -> Certificate | None:
+    outside = counting.outside(low, high)
+    return None if outside is None else Certificate(low, high, int(outside > 0), COUNTED, np.zeros((0, 0)))
+
+
+def _zeros(counting: Counter, low: float, high: float) -> list[float]:
     """Where p(1) p(-1) D changes its sign, ascending, as far as samples show it."""
 
     def value(omega: float) -> float:
-        place = float(counter.place(omega))
-        cell = counter.cell(floor(place))
+        place = float(counting.place(omega))
+        cell = counting.cell(floor(place))
         return np.nan if cell is None else float(cell[1](arb(2 * (place - floor(place)) - 1)))
 
-    count = max(2, ceil(SAMPLES * float(counter.place(low) - counter.place(high))))
+    count = max(2, ceil(SAMPLES * float(counting.place(low) - counting.place(high))))
     at = np.geomspace(low, high, count + 1)
     values = np.array([value(omega) for omega in at.tolist()])
     changes = np.flatnonzero(values[1:] * values[:-1] < 0)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from gearstab.perturbation.tongues import Tongue
 
 
-CERTIFICATE = 40.0
-"""Cost of certificates, in that of the boundaries."""
+CERTIFICATE = 20.0
+"""Cost of certificates, in that of the boundaries, at most with three coordinates."""
 
 
 class BoundariesOptions(ModesOption):

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.certificates.counting import proved
 from gearstab.certificates.equations import Segments, flow
 from gearstab.certificates.making import Maker
+from gearstab.certificates.proof import Proof
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import union_length
 from gearstab.certificates.stored import unpacked
@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
 AT_ONCE = 16
 """Pieces between two notes of what was looked at."""
+
+Part = tuple[int, int]
+"""A row, and the first of AT_ONCE of its pieces."""
 
 
 @dataclass(frozen=True)
@@ -152,18 +155,16 @@ def _plan(path: Path) -> Plan:
     return plan(config)
 
 
-def _proved(
-    rows: Sequence[CertifiedRow], parts: Sequence[tuple[int, int]], jobs: int
-) -> Iterator[tuple[tuple[int, int], list[bool]]]:
+def _proved(rows: Sequence[CertifiedRow], parts: Sequence[Part], jobs: int) -> Iterator[tuple[Part, list[bool]]]:
     """Which pieces of each part are proved, as soon as it is known."""
-    work = {part: (rows[part[0]].system, rows[part[0]].pieces[part[1] : part[1] + AT_ONCE]) for part in parts}
     if jobs == 1:
-        for part, given in work.items():
-            yield part, prove(*given)
+        prover = _Prover(rows)
+        for part in parts:
+            yield part, prover(part)
         return
-    with ProcessPoolExecutor(jobs) as pool:
+    with ProcessPoolExecutor(jobs, initializer=_begin, initargs=(rows,)) as pool:
         try:
-            futures = {pool.submit(prove, *given): part for part, given in work.items()}
+            futures = {pool.submit(_prove, part): part for part in parts}
             for future in as_completed(futures):
                 yield futures[future], future.result()
         except BaseException:
@@ -171,9 +172,31 @@ def _proved(
             raise
 
 
-def prove(system: Segments, pieces: Sequence[Certificate]) -> list[bool]:
-    """Return which pieces are proved."""
-    return proved(flow(system), pieces)
+_prover: _Prover
+
+
+class _Prover:
+    """Proves parts of rows; what is known of a row serves all its parts."""
+
+    def __init__(self, rows: Sequence[CertifiedRow]) -> None:
+        self.rows, self.row = rows, -1
+
+    def __call__(self, part: Part) -> list[bool]:
+        """Which pieces are proved."""
+        row, at = part
+        if row != self.row:
+            self.row, self.proof = row, Proof(flow(self.rows[row].system))
+        return [self.proof(piece) for piece in self.rows[row].pieces[at : at + AT_ONCE]]
+
+
+def _begin(rows: Sequence[CertifiedRow]) -> None:
+    """The prover of a process that works for another."""
+    global _prover
+    _prover = _Prover(rows)
+
+
+def _prove(part: Part) -> list[bool]:
+    return _prover(part)
 
 
 def _of_row(row: CertifiedRow, proved: Sequence[Sequence[bool]], start: float, stop: float) -> ProvedRow:
@@ -192,14 +215,14 @@ class _Notes:
         self.path = result.with_name(result.name + ".verified")
         found = result.stat()
         self.of = [found.st_size, found.st_mtime_ns]
-        self.proved: dict[tuple[int, int], list[bool]] = {}
+        self.proved: dict[Part, list[bool]] = {}
         if self.path.exists():
             with suppress(ValueError, KeyError, TypeError):  # cut short: begin anew
                 kept = json.loads(self.path.read_text())
                 if kept["of"] == self.of:
                     self.proved = {(row, at): answers for row, at, answers in kept["proved"]}
 
-    def add(self, part: tuple[int, int], answers: list[bool]) -> None:
+    def add(self, part: Part, answers: list[bool]) -> None:
         """Keep an answer."""
         self.proved[part] = answers
         kept = {"of": self.of, "proved": [[*part, answers] for part, answers in self.proved.items()]}

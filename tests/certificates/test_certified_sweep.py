@@ -15,6 +15,7 @@ from scenes import TRAIN, ran, result_of, written
 pytest.importorskip("flint")
 
 from gearstab.certificates.segments import segments
+from gearstab.certificates.verifier import COUNTED
 from gearstab.cli.report.facts import curve_speeds, state_of
 from gearstab.config import load
 from gearstab.design.problem import Span
@@ -80,6 +81,18 @@ def test_pieces_agree_with_the_regions(stored: Path) -> None:
     assert (found["certificate"].values[:, 1, 0] > 0).any()
 
 
+def test_few_coordinates_need_no_numbers_but_the_ends(stored: Path) -> None:
+    """A piece from edge to edge: one at epsilon 0.1, one before, in and after the region at 0.3; no coordinates."""
+    with open_result(stored) as tree:
+        found = tree["boundaries"].to_dataset().load()
+    there = np.isfinite(found["certificate_frequency"].values[:, 0])
+    assert there.sum(axis=0).tolist() == [1, 3]
+    numbers = found["certificate"].sel(entry=["outside", "rate"]).values[there]
+    assert set(numbers[:, 0].tolist()) == {0, 1}
+    assert (numbers[:, 1] == COUNTED).all()
+    assert np.isnan(found["certificate"].sel(entry="X[1,1]").values).all()
+
+
 def test_info_says_how_much_has_certificates(stored: Path) -> None:
     line = next(line for line in ran("info", stored).stdout.splitlines() if line.startswith("certificates"))
     share = float(line.split()[1])
@@ -139,12 +152,12 @@ def said_stable(file: h5py.File) -> None:
 
 def spoiled(file: h5py.File) -> None:
     row, piece = row_and_piece(file)
-    file["boundaries/certificate"][piece, row, -5] = np.nan
+    file["boundaries/certificate"][piece, row, 1] = np.nan
 
 
 def exchanged(file: h5py.File) -> None:
     row, piece = row_and_piece(file)
-    file["boundaries/certificate"][piece, row, 5:] = file["boundaries/certificate"][0, row, 5:]
+    file["boundaries/certificate"][piece, row] = file["boundaries/certificate"][0, row]
 
 
 @pytest.mark.parametrize("forge", [moved, said_stable, spoiled, exchanged])
