@@ -8,6 +8,7 @@ c = -T' of what gives it.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
@@ -54,15 +55,8 @@ class TorqueLaw(Section):
         for key in FORMS[given[0]]:
             if self[key] is None:
                 yield (key,), "missing", "is missing", f"give {' and '.join(FORMS[given[0]])} together"
-        if any(part is None or part is WRONG for part in (self.speeds, self.torques)):
-            return
-        if len(self.speeds) != len(self.torques):
-            message = f"has {len(self.torques)} torques for {len(self.speeds)} speeds"
-            yield ("torques",), "wrong_count", message, "give one for each speed"
-        for k, (before, after) in enumerate(zip(self.speeds, self.speeds[1:], strict=False)):
-            low, high = plain_number(before), plain_number(after)
-            if low is not None and high is not None and not low < high:
-                yield ("speeds", k + 1), "out_of_order", "is not above the speed before it", "sort the table"
+        if self.speeds is not None and self.torques is not None:
+            yield from _table_conflicts(self.speeds, self.torques)
 
     def at_speed(self, speed: Array) -> tuple[Array, Array]:
         """T (N m) and T' (N m s) at speeds (rad/s) of any shape. Raises NotPossible outside a table."""
@@ -76,6 +70,18 @@ class TorqueLaw(Section):
         reference, torque, exponent = (np.asarray(getattr(self, key), dtype=float) for key in FORMS["power"])
         value = torque * (speed / reference) ** exponent
         return value, exponent * value / speed
+
+
+def _table_conflicts(speeds: list[Any], torques: list[Any]) -> Iterator[Conflict]:
+    """As many torques as speeds, which ascend."""
+    if speeds is WRONG or torques is WRONG:
+        return
+    if len(speeds) != len(torques):
+        yield ("torques",), "wrong_count", f"has {len(torques)} torques for {len(speeds)} speeds", "give one for each"
+    for k, (before, after) in enumerate(pairwise(speeds)):
+        low, high = plain_number(before), plain_number(after)
+        if low is not None and high is not None and not low < high:
+            yield ("speeds", k + 1), "wrong_order", "is not above the speed before it", "sort the table"
 
 
 def _in_table(speed: Array, speeds: list[Any], torques: list[Any]) -> tuple[Array, Array]:
