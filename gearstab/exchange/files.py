@@ -135,7 +135,8 @@ def export_matrices(system: GearSystem | Source, path: str | Path) -> None:
     ``(meshes, n)``; of each mesh ``mesh_name``, ``mean_stiffness``, ``epsilon``, ``frequency_ratio`` Omega_i/Omega and
     ``mesh_stiffness`` ``(meshes, samples)`` over ``phase`` ``(meshes, samples)``: k_i(t) at Omega_i t = 2 pi phase,
     in which a jump is two samples of one phase, so that linear interpolation gives piecewise linear waves exactly;
-    ``coordinate``: names.
+    ``coordinate``: names. Where teeth are weak, what a mesh lacks while they carry is a mesh of negative stiffness, and
+    ``part_of`` names the mesh that it is part of, "" of whole ones.
 
     The file can be the ``file`` of a system of kind ``matrices``, and :func:`from_matrices` takes the meshes from it,
     too. Constant terms (gyroscopic and circulatory ones, say) are part of ``stiffness`` and ``damping``, which then are
@@ -209,7 +210,8 @@ def _contents(system: GearSystem) -> dict[str, Array]:
         for matrix, part in ((stiffness, term.stiffness), (damping, term.damping)):
             if part is not None:
                 matrix += float(part.value(np.zeros(()))) * np.outer(term.left, term.right)
-    return {
+    parts = np.array([mesh.part_of for mesh in system.meshes])
+    return ({"part_of": parts} if np.any(parts != "") else {}) | {
         "mass": np.asarray(system.mass, dtype=float),
         "stiffness": stiffness,
         "damping": damping,

@@ -157,6 +157,10 @@ class System(Section):
         """Numbers of the system that are the speed of the input too."""
         return []
 
+    def held_frequency(self) -> float | None:
+        """Return the mesh frequency at which alone the numbers of the system hold; None where they hold at any."""
+        return None
+
     def unfit(self, axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
         """Methods that do not apply; the paths are below ``methods``."""
         swept = any(item.path[-1] == "backlash" for axis in axes for item in axis.assignments)

@@ -10,6 +10,7 @@ from scenes import CONFIGS
 from scipy import sparse
 from scipy.io import loadmat, mmwrite
 from scipy.linalg import eigvals
+from systems import lone_pair
 
 import gearstab as gs
 from gearstab.config import ConfigError
@@ -256,3 +257,16 @@ def test_rotations_go_with_the_modes_that_are_kept() -> None:
     found, expected = (np.take_along_axis(e, np.argsort(e.imag, axis=-1), -1) for e in (found, expected))
     np.testing.assert_allclose(found, expected, atol=1e-12)
     assert not np.allclose(kept["rotation"][0]["gyroscopic"], turning["gyroscopic"])
+
+
+def test_weak_teeth_name_the_mesh_that_they_are_part_of(tmp_path: Path) -> None:
+    mesh = {"mean_stiffness": 4e8, "epsilon": 0.2, "contact_ratio": 1.5, "faults": [{"gear": "a", "factor": 0.7}]}
+    for ending, whole in ((".npz", ""), (".mat", [])):
+        path = tmp_path / f"weak{ending}"
+        gs.export_matrices(gs.build(lone_pair(17, 1.0, mesh)), path)
+        held = np.load(path) if ending == ".npz" else loadmat(path, squeeze_me=True)
+        assert [part if len(part) else whole for part in held["part_of"].tolist()] == [whole, "mesh"]
+        assert held["mean_stiffness"][0] > 0 > held["mean_stiffness"][1]
+    sound = tmp_path / "sound.npz"
+    gs.export_matrices(gs.build(lone_pair(17, 1.0, mesh | {"faults": []})), sound)
+    assert "part_of" not in np.load(sound)

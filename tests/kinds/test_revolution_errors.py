@@ -12,6 +12,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scenes import problems
 from scipy.integrate import solve_ivp
+from systems import lone_pair
 
 import gearstab as gs
 from gearstab.response.linear.periodic import steady_state
@@ -23,15 +24,8 @@ ERRORS = [{"gear": "a", "cos": [8e-6], "sin": [0, 2e-6]}, {"gear": "b", "sin": [
 
 def pair(epsilon: float, **mesh: Any) -> dict[str, Any]:
     """Two gears without anything else, of which one coordinate is left: with J = 2 m r_b^2, m_e = m."""
-    radii = [1e-3 * n * np.cos(np.deg2rad(20)) for n in (TEETH, 3 * TEETH)]
-    rotors = [
-        {"name": name, "teeth": n, "inertia": 2 * MASS * r**2}
-        for name, n, r in zip("ab", (TEETH, 3 * TEETH), radii, strict=True)
-    ]
-    of = {"name": "mesh", "gears": ["a", "b"], "mean_stiffness": STIFFNESS, "epsilon": epsilon, "contact_ratio": 1.5,
-          "damping_ratio": ZETA, "revolution_errors": ERRORS} | mesh  # fmt: skip
-    gears = {"module": "2 mm", "pressure_angle": "20 deg", "face_width": "20 mm"}
-    return {"kind": "gearbox", "gears": gears, "rotors": rotors, "meshes": [of], "input": {"rotor": "a"}}
+    of = {"mean_stiffness": STIFFNESS, "epsilon": epsilon, "contact_ratio": 1.5, "damping_ratio": ZETA}
+    return lone_pair(TEETH, MASS, of | {"revolution_errors": ERRORS} | mesh)
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.3])

@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose
 from ruamel.yaml import YAML
 from scenes import CONFIGS, DATA, problems, ran, written
 from scipy.integrate import solve_ivp
+from systems import lone_pair
 
 import gearstab as gs
 from gearstab.config import load
@@ -32,15 +33,9 @@ MILLIMETRES = {"module": "2 mm", "pressure_angle": "20 deg", "face_width": "20 m
 
 def pair(case: dict[str, Any], **fault: Any) -> dict[str, Any]:
     """Two gears without anything else, of which one coordinate is left: with J = 2 m r_b^2, m_e = m."""
-    z, c, k = case["teeth"], case["contact_ratio"], case["pair_stiffness"]
-    radii = [1e-3 * n * np.cos(np.deg2rad(20)) for n in (z, 3 * z)]
-    rotors = [
-        {"name": name, "teeth": n, "inertia": 2 * case["mass"] * r**2}
-        for name, n, r in zip("ab", (z, 3 * z), radii, strict=True)
-    ]
-    mesh = {"name": "mesh", "gears": ["a", "b"], "mean_stiffness": c * k, "epsilon": 1 / (2 * c), "contact_ratio": c,
-            "damping_ratio": case["zeta"], "faults": [{"gear": "a", "factor": case["factor"]} | fault]}  # fmt: skip
-    return {"kind": "gearbox", "gears": MILLIMETRES, "rotors": rotors, "meshes": [mesh], "input": {"rotor": "a"}}
+    c, k = case["contact_ratio"], case["pair_stiffness"]
+    mesh = {"mean_stiffness": c * k, "epsilon": 1 / (2 * c), "contact_ratio": c, "damping_ratio": case["zeta"]}
+    return lone_pair(case["teeth"], case["mass"], mesh | {"faults": [{"gear": "a", "factor": case["factor"]} | fault]})
 
 
 @WEAK

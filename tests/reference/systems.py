@@ -40,6 +40,22 @@ def two_stage(
     return train | {"tooth_ratio": Fraction(tooth_ratio), "meshes": meshes} | changes
 
 
+def lone_pair(teeth: int, mass: float, mesh: Parameters) -> Parameters:
+    """Two gears a and b, of ratio 1 to 3, of which one coordinate is left: with J = 2 m r_b^2, m_e = m."""
+    radii = [1e-3 * n * np.cos(np.deg2rad(20)) for n in (teeth, 3 * teeth)]
+    rotors = [
+        {"name": name, "teeth": n, "inertia": 2 * mass * r**2}
+        for name, n, r in zip("ab", (teeth, 3 * teeth), radii, strict=True)
+    ]
+    return {
+        "kind": "gearbox",
+        "gears": {"module": "2 mm", "pressure_angle": "20 deg", "face_width": "20 mm"},
+        "rotors": rotors,
+        "meshes": [{"name": "mesh", "gears": ["a", "b"]} | mesh],
+        "input": {"rotor": "a"},
+    }
+
+
 def unequal(tooth_ratio: Any = 1, epsilon: Any = 0.3, **changes: Any) -> Parameters:
     """The train with unequal meshes, so that no symmetry helps."""
     levels = {"mean_stiffness": (1.0, 1.1), "contact_ratio": (1.47, 1.57), "phasing": 0.2}

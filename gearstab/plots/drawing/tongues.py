@@ -33,6 +33,8 @@ LOOKS: dict[str, tuple[Any, str]] = {
 """Line style and entry in a legend of each theory, the same in every figure."""
 THIN = "exact, narrow"
 """Entry in a legend of regions that :func:`exact_lines` draws as one line."""
+ALONE = "unstable, narrower than a line"
+"""The same where no theory is drawn beside exact boundaries."""
 SLIVER = GROWTH(0.15)
 """A tongue thinner than a line is a sliver of the lightest growth colours, as it would be among the cells."""
 
@@ -176,22 +178,18 @@ def theory(tree: xr.DataTree, group: str) -> str:
 
 
 def legend_of(tree: xr.DataTree, artists: Mapping[str, Any], colour: str = LINE) -> list[Line2D]:
-    """Legend entries of the sorts of lines that were drawn; none where all are exact.
-
-    Light lines have one next to those of theories, beside which nothing else says what they are.
-    """
+    """Legend entries of the sorts of lines that were drawn: where all are exact, of light lines alone."""
     lines = {group: artists.get(group) for group in THEORIES}
     drawn = [theory(tree, group) for group, found in lines.items() if found is not None and found.get_segments()]
+    thin = artists.get("thin")
+    light = [] if thin is None or not thin.get_segments() else [thin.get_color()[0]]
     if drawn in ([], ["boundaries"]):
-        return []
+        return [Line2D([], [], color=own, linewidth=0.75, label=ALONE) for own in light]
     if artists.get("neutral") is not None:
         drawn = ["neutral", *drawn]
     looks = [LOOKS[key] for key in drawn]
     handles = [Line2D([], [], color=colour, linewidth=0.75, linestyle=dash, label=words) for dash, words in looks]
-    thin = artists.get("thin")
-    if thin is not None and thin.get_segments():
-        handles.append(Line2D([], [], color=thin.get_color()[0], linewidth=0.75, label=THIN))
-    return handles
+    return [*handles, *(Line2D([], [], color=own, linewidth=0.75, label=THIN) for own in light)]
 
 
 def boundary_lines(ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, chosen: Array, **line: Any) -> LineCollection:

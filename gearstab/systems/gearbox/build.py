@@ -23,7 +23,7 @@ from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import friction, rotors
 from gearstab.systems.gearbox.bodies import Support
-from gearstab.systems.gearbox.loads import torques
+from gearstab.systems.gearbox.loads import dampers, torques
 from gearstab.systems.gearbox.mesh import from_teeth
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet, TrainSetRows
 from gearstab.systems.gearbox.teeth import MeshTeeth
@@ -41,7 +41,7 @@ def build(p: Any) -> GearSystem:
     train = Train(p)
     rows = [_rows(train, item) for item in train.sets]
     pairs = [mesh_element(train, k) for k in range(len(train.pairs))]
-    elements = [*_bodies(train), *shaft_elements(train), *_supports(train)]
+    elements = [*_bodies(train), *shaft_elements(train), *_supports(train), *dampers(train)]
     elements += [element for row in rows for element in row.planets_of(train.damping_factor)]
     symmetries = [row.cyclic() for row in rows if _cyclic(train, row)]
     meshes = [mesh for row in rows for mesh in _set_meshes(train, row)] + pairs

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.system import Array
+from gearstab.systems.assembly import Element
 from gearstab.systems.gearbox import rotors
 from gearstab.systems.kinematics import TrainError
 
@@ -20,16 +23,44 @@ def torques(train: Any) -> dict[str, Array]:
     p = train.p
     start, ends = p.input.rotor, [item.rotor for item in p.outputs]
     speed = {end: float(abs(train.speeds[end])) for end in ends}
-    given = [item.torque for item in p.outputs]
-    if p.input.torque is None and all(value is None for value in given):
+    given = [end_torque(train, ("outputs", k)) for k in range(len(ends))]
+    own = end_torque(train, ("input",))
+    if own is None and all(value is None for value in given):
         return {}
     if all(value is not None for value in given):
-        taken = {end: np.asarray(value, dtype=float) for end, value in zip(ends, given, strict=True)}
+        taken = {end: value[0] for end, value in zip(ends, given, strict=True) if value is not None}
     else:
-        power = rotors.number(p.input.torque) / len(ends)
+        power = (np.zeros(()) if own is None else own[0]) / len(ends)
         taken = {end: power / speed[end] for end in ends}
     brought = sum((taken[end] * speed[end] for end in ends), np.zeros(()))
     return {start: np.asarray(brought)} | {end: -taken[end] for end in ends}
+
+
+def end_torque(train: Any, where: tuple[str | int, ...]) -> tuple[Array, Array] | None:
+    """The torque at an end of a train as given, N m, and its slope over the speed of the rotor, N m s; None without.
+
+    where: ``("input",)`` or ``("outputs", k)``. Raises TrainError for a speed outside the table of a law.
+    """
+    p = train.p.input if where == ("input",) else train.p.outputs[int(where[1])]
+    if p.torque_law is None:
+        return None if p.torque is None else (np.asarray(p.torque, dtype=float), np.zeros(()))
+    speed = rotors.number(train.p.input.speed) * float(abs(train.speeds[p.rotor]))
+    try:
+        found: tuple[Array, Array] = p.torque_law.at_speed(speed)
+    except NotPossible as error:
+        raise TrainError((*where, "torque_law"), error.message, error.remedy or "") from None
+    if not np.all(found[0] >= 0):
+        message = f"is negative at {float(np.min(speed)) * 30 / np.pi:.5g} rpm"
+        raise TrainError((*where, "torque_law"), message, "let the rotor that gives power be the input")
+    return found
+
+
+def dampers(train: Any) -> Iterator[Element]:
+    """Yield the slopes of torques that depend on the speed: dampers between rotor and housing."""
+    for where, p in ((("input",), train.p.input), *((("outputs", k), p) for k, p in enumerate(train.p.outputs))):
+        if p.torque_law is not None and (found := end_torque(train, where)) is not None:
+            taken = -1.0 if where == ("input",) else 1.0
+            yield Element(train.rotation(train.place[p.rotor]), damping=taken * found[1])
 
 
 def pair_force(train: Any, pair: int) -> Array:

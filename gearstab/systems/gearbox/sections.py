@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -19,7 +19,7 @@ from gearstab.config.model.fields import (
     Quantity,
     Section,
 )
-from gearstab.config.model.reading import WRONG, known
+from gearstab.config.model.reading import WRONG, known, told
 from gearstab.system import Array, GearSystem
 from gearstab.systems.base import Start, System
 from gearstab.systems.gearbox.bodies import Material, Rotor, Shaft, Teeth
@@ -30,12 +30,13 @@ from gearstab.systems.gearbox.missing import missing_of_teeth
 from gearstab.systems.gearbox.rotors import moves, slides, turns
 from gearstab.systems.gearbox.set_sections import PlanetarySet, by_name, complete_angles, set_fault_conflicts
 from gearstab.systems.gearbox.set_sections import conflicts as set_conflicts
+from gearstab.systems.gearbox.torque_law import TorqueLaw
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.parts.faults import fault_conflicts
 from gearstab.systems.parts.mesh import ToothMesh
 
 if TYPE_CHECKING:
-    from gearstab.config.model.axes import Grid
+    from gearstab.config.model.axes import Axis, Grid
 
 Torque = Annotated[float, Field(gt=0), Quantity("N m")]
 
@@ -47,8 +48,10 @@ class Input(Section):
     """Name of the rotor that drives the train, where power enters it."""
     torque: Torque | None = Field(default=None, title="input torque")
     """On the input rotor (N m); follows from the outputs' without."""
+    torque_law: TorqueLaw | None = Field(default=None, title="torque over the speed")
+    """The input torque as it depends on the speed of the input; its slope damps or drives vibrations."""
     speed: AngularFrequency | None = Field(default=None, title="nominal speed")
-    """Speed of the input rotor, for friction (rad/s, "1500 rpm"); sweeps set it by the axis input_speed."""
+    """Of the input rotor, for friction and torque_law (rad/s, "1500 rpm"); sweeps set it by the axis input_speed."""
     sense: Annotated[str, Choice("sense", ("counter-clockwise", "clockwise"))] = Field(
         default="counter-clockwise", title="sense of rotation"
     )
@@ -62,6 +65,19 @@ class Output(Section):
     """Name of the rotor that is loaded."""
     torque: Torque | None = Field(default=None, title="output torque")
     """It takes (N m); without, the outputs share the input's power equally."""
+    torque_law: TorqueLaw | None = Field(default=None, title="torque over the speed")
+    """The torque it takes as it depends on the speed of the rotor; its slope damps or drives vibrations."""
+
+
+CHANGING = ("passage",)
+"""Methods that let the speed of a system change."""
+OVER_SPEED = ("boundaries", "tongue_probability")
+"""Methods that search the speeds of a system by themselves."""
+
+
+def _torque(end: Input | Output) -> Any:
+    """The torque of an end of the train, constant or not, None without."""
+    return end.torque if end.torque is not None else end.torque_law
 
 
 class Gearbox(System):
@@ -159,9 +175,38 @@ class Gearbox(System):
             return 1.0  # something is wrong with the train, which is reported
 
     def follow_speed(self) -> list[Path]:
-        """The speed of ``input``, where the friction of lubricated teeth depends on it."""
+        """The speed of ``input``, where the friction of lubricated teeth or a torque depends on it."""
         laws = [mesh.friction for _, mesh in items(self.meshes) if mesh.friction is not None]
-        return [("input", "speed")] if any(law.kind in LUBRICATED for law in laws) else []
+        depends = any(law.kind in LUBRICATED for law in laws) or any(True for _ in self._laws())
+        return [("input", "speed")] if depends else []
+
+    def held_frequency(self) -> float | None:
+        """The mesh frequency at the speed of ``input``, where a torque depends on it."""
+        speed, cycles = self.input.speed, self.cycles_of_input()
+        return None if speed is None or not any(True for _ in self._laws()) else float(speed) * float(cycles or 1.0)
+
+    def unfit(self, axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
+        """Yield methods over a mesh frequency at which torques that depend on the speed are not taken."""
+        yield from super().unfit(axes, methods)
+        names = {axis.name for axis in axes if axis.size > 1}
+        if "input_speed" in names and told(self.follow_speed):
+            for name in (name for name in methods if name in OVER_SPEED):
+                message = "is over the speed of one system, and its friction or torque depends on the speed"
+                yield (name,), "not_applicable", message, "map it with methods.floquet, or make both constant"
+        place = told(lambda: next((".".join(map(str, place)) for place, _ in self._laws()), None))
+        for name in methods if place is not None else ():
+            if name in CHANGING or "mesh_frequency" in names:
+                message = f"the torque of {place} depends on the speed, which changes here"
+                remedy = f"remove {name}, or give a constant torque" if name in CHANGING else "sweep over input_speed"
+                yield (name,), "not_applicable", message, remedy
+
+    def _laws(self) -> Iterator[tuple[Path, TorqueLaw]]:
+        """Yield the torques that depend on the speed, and where they are."""
+        ends: list[tuple[Path, Any]] = [] if self.input is WRONG else [(("input",), self.input)]
+        ends += [(("outputs", k), item) for k, item in items(self.outputs)]
+        for place, item in ends:
+            if item.torque_law is not None and item.torque_law is not WRONG:
+                yield (*place, "torque_law"), item.torque_law
 
     def conflicts(self) -> Iterator[Conflict]:
         """Names that exist, gears that can mesh, a train that hangs together and turns."""
@@ -171,7 +216,7 @@ class Gearbox(System):
         yield from within_each(self, "rotors", Rotor.conflicts)
         yield from within_each(self, "shafts", Shaft.conflicts)
         rules = (self._own_names, self._named_rotors, lambda: set_conflicts(self), lambda: missing_of_teeth(self))
-        for rule in (*rules, self._loaded, self._torques, self._faults):
+        for rule in (*rules, self._loaded, self._torques, self._speed_of_laws, self._faults):
             yield from known(rule())
 
     def _own_names(self) -> Iterator[Conflict]:
@@ -214,7 +259,7 @@ class Gearbox(System):
 
     def _loaded(self) -> Iterator[Conflict]:
         """The friction of lubricated teeth depends on speed and load, relief on the load."""
-        torques = [self.input.torque, *(item.torque for _, item in items(self.outputs))]
+        torques = [_torque(self.input), *(_torque(item) for _, item in items(self.outputs))]
         unloaded = all(torque is None for torque in torques)
         for place, mesh in self.mesh_places():
             friction, relief = (getattr(mesh, key, None) for key in ("friction", "relief"))
@@ -224,6 +269,18 @@ class Gearbox(System):
             if relief is not None and unloaded:
                 message = "what relief does depends on the load, and there are no torques"
                 yield (*place, "relief"), "needs_other", message, "add a torque to input, and outputs, or remove relief"
+
+    def _speed_of_laws(self) -> Iterator[Conflict]:
+        """Laws of one form, beside no constant torque, with a speed at which they are taken."""
+        for place, law in self._laws():
+            for path, code, message, hint in known(law.conflicts()):
+                yield (*place, *path), code, message, hint
+            end = self.input if place[0] == "input" else self.outputs[int(place[1])]
+            if end.torque is not None:
+                yield place, "already_given", "torque is given already", "keep one of torque and torque_law"
+            if self.input.speed is None:
+                message = "depends on the speed, which is missing"
+                yield place, "needs_other", message, "add speed to input; sweeps set it by the axis input_speed"
 
     def _faults(self) -> Iterator[Conflict]:
         """Weak teeth that there are, of gears that are in the mesh."""
@@ -244,14 +301,15 @@ class Gearbox(System):
     def _torques(self) -> Iterator[Conflict]:
         """Torques that balance: of all outputs, or of the input alone."""
         outputs = items(self.outputs)
-        given = [i for i, item in outputs if item.torque is not None]
+        given = [i for i, item in outputs if _torque(item) is not None]
         if given and len(given) < len(outputs):
-            missing = next(i for i, item in outputs if item.torque is None)
+            missing = next(i for i, item in outputs if _torque(item) is None)
             yield ("outputs", missing, "torque"), "missing", "is missing", "give every output a torque, or none"
-        if given and self.input.torque is not None:
+        if given and _torque(self.input) is not None:
             message = "follows from the torques of the outputs"
-            yield ("input", "torque"), "already_given", message, "remove it, or the torques of the outputs"
-        if self.input.torque is not None and not outputs:
+            key = "torque" if self.input.torque is not None else "torque_law"
+            yield ("input", key), "already_given", message, "remove it, or the torques of the outputs"
+        if _torque(self.input) is not None and not outputs:
             yield ("outputs",), "missing", "are missing", "name the rotors that take the torque"
         seen = {self.input.rotor: "the input"}
         for i, item in outputs:

@@ -112,6 +112,7 @@ class Respond(Section):
             yield ("mesh_frequency",), "missing", "is missing", hint
         yield from at_most_one(self, ("mesh_frequency", "input_speed"))
         driven, parting = drives(system), told(lambda: may_part(system))
+        yield from known(self._at_another_speed(system))
         if self.discard is not None and parting is False and system is not None:
             yield ("discard",), "not_applicable", "no mesh has backlash", "remove it, or give a mesh backlash"
         yield from known(self._discarded())
@@ -140,6 +141,18 @@ class Respond(Section):
         if not driven and all(x == 0 for state in (initial.displacement, initial.velocity) for x in state):
             hint = "give a displacement or a velocity that is not zero"
             yield ("initial",), "only_zeros", "the system stays at rest", hint
+
+    def _at_another_speed(self, system: Any) -> Iterator[Conflict]:
+        """A speed that changes, or is not that of the input, where a torque depends on it."""
+        held = None if system is None else told(system.held_frequency)
+        if held is None or self.mesh_frequency is None:
+            return
+        if self.ramp is not None:
+            message = "changes the speed, on which a torque depends: its slope would change too"
+            yield ("ramp",), "not_applicable", message, "remove it, or give a constant torque instead of torque_law"
+        elif abs(self.mesh_frequency - held) > SAME_SPEED * held:
+            message = "is not that of system.input, at which the torque is taken"
+            yield ("mesh_frequency",), "inconsistent", message, "give both the same speed"
 
     def _discarded(self) -> Iterator[Conflict]:
         if self.discard is not None and self.cycles is not None and self.discard >= self.cycles:
@@ -170,6 +183,10 @@ class Respond(Section):
                 yield (key,), "not_applicable", "is not allowed together with steady_state", hint
 
 
+SAME_SPEED = 1e-6
+"""Relative difference of two speeds that are typed in different units, with a few digits less."""
+
+
 def may_part(system: Any) -> bool:
     """Return whether the section ``system`` has a mesh with backlash."""
     given = [mesh.backlash for _, mesh in items(getattr(system, "meshes", None))]
@@ -182,7 +199,9 @@ def drives(system: Any) -> bool:
         return True
     ends = [getattr(system, "input", None), getattr(system, "outputs", None)]
     ends += ends.pop() or () if ends[1] is not WRONG else ()
-    if any(end is WRONG or getattr(end, "torque", None) is not None for end in ends):
+    if any(
+        end is WRONG or any(getattr(end, key, None) is not None for key in ("torque", "torque_law")) for end in ends
+    ):
         return True
     meshes = [mesh for _, mesh in items(getattr(system, "meshes", None))]
     if any(mesh.transmission_error is not None for mesh in meshes):
