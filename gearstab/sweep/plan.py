@@ -22,7 +22,7 @@ from gearstab.config import Axis, Config
 from gearstab.config.checks.options import check
 from gearstab.config.model.axes import MESH_FREQUENCY
 from gearstab.methods import POINTS, Method, chosen
-from gearstab.results.variables import Variable
+from gearstab.results.variables import GRID, Variable
 from gearstab.sweep import teeth
 from gearstab.sweep.storage.taken import Taken
 from gearstab.system import Array, GearSystem
@@ -85,6 +85,11 @@ class Layout:
     def gives(self, variable: str) -> bool:
         """Whether the method computes a variable of this name."""
         return any(known.name == variable for known in self.method.results)
+
+    @property
+    def tells(self) -> bool:
+        """Whether the method says of every point if it is stable."""
+        return any(known.name == "stable" and known.dims == (GRID,) for known in self.method.results)
 
     def inner(self, variable: Variable) -> tuple[int, ...]:
         """Lengths of the dimensions of a variable that are the same everywhere, such as meshes."""
