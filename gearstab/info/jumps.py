@@ -29,6 +29,7 @@ def jumps(tree: xr.DataTree) -> list[dict[str, Any]]:
     data = branches_of(tree)
     own = "branch_value" in data
     axis = tree[str(data.attrs["over"])] if own else next(tree[name] for name in SPEEDS if name in tree.coords)
+    parameter = "branch_value" if own else "mesh_frequency"
     factor, unit = float(axis.attrs.get(SHOWN_SCALE if own else FACTOR, 1.0)), str(axis.attrs.get("units", "1"))
     if axis.name == SPEEDS[1]:
         factor, unit = factor * scale(RPM, "rad/s") / scale(unit, "rad/s"), RPM
@@ -39,18 +40,30 @@ def jumps(tree: xr.DataTree) -> list[dict[str, Any]]:
         here = one.isel({name: row[name] for name in PLACE})
         landing = {name: int(here[f"landing_{name}"]) for name in PLACE}
         before = here[MEASURE].values
-        after = None if landing["branch"] < 0 else one[MEASURE].isel(landing).values
+        value = float(here[parameter])
+        own_branch = one.isel(branch=landing["branch"])
+        after = None if landing["branch"] < 0 else _between(own_branch, parameter, value, landing["point"])
         mesh = int(np.argmax(before if after is None else np.abs(after - before)))
         axes = [name for name in row if name in data.coords and name not in PLACE]
         found.append({
             "at": {name: data[name].values[row[name]].item() for name in axes},
-            "of": str(axis.name), "value": float(here["branch_value" if own else "mesh_frequency"]) / factor,
+            "of": str(axis.name), "value": value / factor,
             "unit": "" if unit == "1" else unit,
             "direction": "rising" if int(here["jump"]) > 0 else "falling",
             "mesh": str(data["mesh"].values[mesh]), "before": float(before[mesh]),
             "after": None if after is None else float(after[mesh]), "measured_in": str(data[MEASURE].attrs["units"]),
         })  # fmt: skip
     return sorted(found, key=lambda jump: ([str(value) for value in jump["at"].values()], jump["value"]))
+
+
+def _between(branch: xr.Dataset, parameter: str, value: float, place: int) -> Any:
+    """The measure ``(meshes,)`` at a value of the parameter: between the motion next to it and the one behind it."""
+    there, measures = branch[parameter].values, branch[MEASURE].values
+    for other in (place - 1, place + 1):
+        if 0 <= other < len(there) and (there[place] - value) * (there[other] - value) < 0:
+            part = (value - there[place]) / (there[other] - there[place])
+            return measures[place] + part * (measures[other] - measures[place])
+    return measures[place]
 
 
 def text(found: list[dict[str, Any]]) -> list[str]:

@@ -212,8 +212,7 @@ def _encoded(
     for own in layout.results:
         data = values[own.variable.name].astype(own.variable.dtype, copy=False)
         chunks[own.variable.name] = own.encoded(own.over_axes(block, data, plan.inner(layout)))
-    of_points = any(variable.name == "stable" and variable.dims == (GRID,) for variable in layout.method.results)
-    stable = values["stable"] if of_points else np.zeros(0)
+    stable = values["stable"] if layout.tells else np.zeros(0)
     unstable, failed = stable.size - int(np.count_nonzero(stable)), int(np.count_nonzero(stable < 0))
     places = places_of({name: [len(chunk) for chunk in pieces] for name, pieces in chunks.items()})
     held = b"".join(chunk for pieces in chunks.values() for chunk in pieces)

@@ -138,6 +138,11 @@ class Layout:
         """Whether the method computes a variable of this name."""
         return any(known.name == variable for known in self.method.results)
 
+    @property
+    def tells(self) -> bool:
+        """Whether the method says of every point if it is stable."""
+        return any(known.name == "stable" and known.dims == (GRID,) for known in self.method.results)
+
     def of(self, variable: Variable) -> VariableLayout:
         """Return the arrangement of one of the method's results."""
         constants = self.method.constants()

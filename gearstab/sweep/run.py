@@ -328,7 +328,7 @@ def _interrupted(kept: int, total: int, folder: PartFolder) -> str:
 
 def _summary(store: Store, reused: int) -> Summary:
     plan = store.plan
-    tells = [block for layout in plan.layouts if layout.gives("stable") for block in store.of(layout)]
+    tells = [block for layout in plan.layouts if layout.tells for block in store.of(layout)]
     return Summary(
         plan.points, plan.blocks, reused, sum(block.unstable for block in tells) if tells else None,
         sum(block.failed for block in tells), {layout.method.name: store.flags(layout) for layout in plan.layouts},

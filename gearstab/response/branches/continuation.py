@@ -42,6 +42,8 @@ VERTICAL = 1e-7
 amplitude at one parameter."""
 SAME = 1e-4
 """Two multipliers that cross within this part of a step cross together."""
+THROUGH = 1e-6
+"""Distance, in units of the curve, below which a curve goes through a point."""
 STATIONARY = 1e-9
 """Difference of parameters, in their unit, of folds that are one: a fold's parameter hardly depends on errors of the
 state, along which multipliers of symmetric systems part."""
@@ -100,13 +102,17 @@ class Curve:
         """(x, p) from a point on by a step ``(m + 1,)`` in units."""
         return point.x + self.unit * step[:-1], point.parameter + self.span * float(step[-1])
 
-    def between(self, known: Mapping[float, Point], s: float) -> tuple[Array, float]:
-        """(x, p) at s along a line, by the polynomial through the three nearest points that are known, or two."""
+    def between(self, known: Mapping[float, Point], s: float, along: Array) -> tuple[Array, float]:
+        """(x, p) at s along a line from the point at 0, by a polynomial through the three nearest known points, or two.
+
+        along: ``(m + 1,)``, of unit length, in units.
+        """
         near = sorted(known, key=lambda at: abs(at - s))[:3]
         weights = [prod((s - other) / (at - other) for other in near if other != at) for at in near]
         own = [known[at] for at in near]
-        x = sum(weight * point.x for weight, point in zip(weights, own, strict=True))
-        return np.asarray(x), sum(weight * point.parameter for weight, point in zip(weights, own, strict=True))
+        step = sum(weight * self.difference(point, known[0.0]) for weight, point in zip(weights, own, strict=True))
+        # Of points close to each other it may be far off, but not along the line.
+        return self.moved(known[0.0], step + (s - step @ along) * along)
 
     def difference(self, one: Point, other: Point) -> Array:
         """``(m + 1,)``, from the other to the one, in units."""
@@ -178,8 +184,7 @@ class Curve:
             yield from crossed or []
             yield there
             count += 1
-            gap = self.difference(there, start)
-            if count > 3 and np.linalg.norm(gap) < step and gap @ following < 0.5 * step:
+            if count > 3 and self._passes(start, here, there, tangent):
                 yield CLOSED
                 return
             if np.abs(there.x).max() > limits.largest * self.unit:
@@ -191,6 +196,18 @@ class Curve:
                 step = min(1.4 * step, limits.longest)
             here, tangent = there, following
         yield MORE
+
+    def _passes(self, start: Point, here: Point, there: Point, tangent: Array) -> bool:
+        """Whether the curve goes through a point between two others, and not only by it."""
+        whole, gap = float(self.difference(there, here) @ tangent), self.difference(start, here)
+        at = float(gap @ tangent)
+        if not 0 <= at <= whole or np.linalg.norm(gap) > 2 * whole:
+            return False
+        try:
+            point, _ = self.corrected(*self.between({0.0: here, whole: there}, at, tangent), tangent)
+        except ArithmeticError:
+            return False
+        return bool(np.linalg.norm(self.difference(point, start)) < THROUGH)
 
     def _last(self, here: Point, there: Point, limits: StepLimits) -> Iterator[Point | str]:
         """The point at the end of the range, between two."""
@@ -228,7 +245,7 @@ class Curve:
 
         def point(s: float) -> Point:
             if s not in known:
-                known[s] = self.corrected(*self.between(known, s), tangent)[0]
+                known[s] = self.corrected(*self.between(known, s, tangent), tangent)[0]
             return known[s]
 
         def excess(s: float, n: int) -> float:

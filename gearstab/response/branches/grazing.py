@@ -51,7 +51,7 @@ def grazing_between(curve: Curve, here: Point, there: Point) -> Point | None:
             break
         s = _guess(low, high, known)
         try:
-            point, _ = curve.corrected(*curve.between(points, s), along)
+            point, _ = curve.corrected(*curve.between(points, s, along), along)
         except ArithmeticError:
             return None
         points[s] = point

@@ -64,6 +64,19 @@ def test_the_doubled_branch_begins_where_it_grazes() -> None:
     assert {branch.ends for branch in doubled} == {("doubling", "unbounded")}
 
 
+def test_random_states_lead_to_a_branch_apart() -> None:
+    """The linear motion at 1.5 leads to none but its own branch; random states also to two motions of two cycles, on
+    branches that hang together with it nowhere in the range. The fold of one is that of the reference.
+    """
+    laps = SectionMap(pair(ALWAYS))
+    (main,) = BranchSearch(laps, StepLimits(1.3, 1.7, most=200)).run(Starts((1.5,), kinds=("linear",)))
+    starts = Starts((1.5,), kinds=("linear", "random"), states=6, cycles=150, seed=1)
+    found = BranchSearch(laps, StepLimits(1.3, 1.7, most=200)).run(starts)
+    assert [(branch.periods, branch.parent) for branch in found] == [(1, -1), (2, -1), (2, -1)]
+    assert special(main, FOLD).size == special(found[1], FOLD).size == 0
+    np.testing.assert_allclose(special(found[2], FOLD), [1.368382818244891], atol=1e-11)
+
+
 def test_known_motions_are_on_the_branches() -> None:
     found = searched(0)
     for _, motion in MOTIONS[:19]:
