@@ -1,4 +1,4 @@
-"""What a point of a system costs whose matrices act with speeds of rotation, beside products of exponentials."""
+"""Cost of a point of a system whose matrices act with speeds of rotation, compared with products of exponentials."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ POINTS, PRODUCTS = 1 << 15, 500
 SMOOTH_POINTS = 1 << 11
 """Mesh frequencies where waves are smooth, whose points take Magnus steps."""
 RUNS = 5
-"""Of which the median counts."""
+"""Number of runs; their median counts."""
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ class RequiredDampingOptions(Section):
     largest: Annotated[float, Field(gt=0, le=1e6), Quantity()] | None = Field(default=None, title="largest damping")
     """Where the search ends (1); default a damping ratio of 0.5, or a factor of 100."""
     tolerance: Tolerance = 1e-6
-    """Of the required damping, relative (1)."""
+    """Relative error of the required damping (1)."""
     frequencies: Annotated[str, Choice("way", ("auto", "common_period", "per_mesh"))] = Field(
         default="auto", title="many mesh frequencies"
     )

@@ -1,4 +1,4 @@
-"""What ``gearstab design`` finds: minima, verified; margins and sensitivities against computations of their own."""
+"""Results of ``gearstab design``: minima, verified; margins and sensitivities against computations of their own."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def two(result: Path) -> xr.Dataset:
-    """What it holds."""
+    """Contents of the result."""
     with xr.open_datatree(result, engine="h5netcdf") as tree:
         return tree["design"].to_dataset().load()
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
 from gearstab.grouping import equal_rows
+from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.elastic import ElasticForm, elastic_forms, free_rotations
 from gearstab.propagation.first_order import FirstOrder
 from gearstab.propagation.schedule import Schedule, schedule
@@ -87,7 +89,7 @@ class PeriodicPart:
         return cut(self.plan.subset(self.part.pattern.rows), self.varies, counts, scheme)
 
     def generators(self, values: Array) -> tuple[Generators, Array]:
-        """Those of distinct states, in units of the rates, and the state of each segment; values: ``(r, S, J)``."""
+        """Generators of distinct states in units of the rates, and the state of each segment; values: ``(r, S, J)``."""
         states, first = distinct(values)
         form = FirstOrder.joined([row.form for row in self.rows])
         return Generators.of(form, values[:, first]), states
@@ -158,7 +160,7 @@ def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart,
 def _search(
     own: PeriodicPart, doublings: int, limits: Limits, canonical: bool, rounding: float
 ) -> tuple[SearchResult, Verdict]:
-    """What is found with so many steps, and which points are stable with half of them."""
+    """Search with this many steps; return the result and which points are stable with half of them."""
     pattern = own.part.pattern
     if canonical:
         found = gyroscopic.search(
@@ -173,14 +175,13 @@ def _search(
 
 def _controlled(own: PeriodicPart, limits: Limits, canonical: bool) -> tuple[Chain, SearchResult]:
     """The same where the number of steps has to be found; the edges' brackets contain the error of the steps."""
-    doublings = resolution(own, limits, CF6_5, np.pi * limits.tolerance, canonical)
-    for attempt in range(smooth.ATTEMPTS + 1):
+    first = np.array([resolution(own, limits, CF6_5, np.pi * limits.tolerance, canonical)])
+    control = StepControl(first, first + smooth.ATTEMPTS, limits.tolerance, CF6_5.order)
+    for doublings, _ in control:
         # A proof allows for what the steps may be wrong by.
         found, stable = _search(own, doublings, limits, canonical, max(ROUNDING, limits.tolerance))
         error = smooth.edge_errors(found.intervals, stable, limits.tolerance)
-        if np.all(error <= limits.tolerance) or attempt == smooth.ATTEMPTS:
-            break
-        doublings += 1
+        control.judge(error.max(initial=0.0))
     # Names need few digits, and segments that follow each other.
     rough = own.flow(CF4_2, resolution(own, limits, CF4_2, smooth.ROUGH, canonical))
     return rough, replace(found, intervals=smooth.widened(found.intervals, error))
@@ -194,15 +195,14 @@ def resolution(own: PeriodicPart, limits: Limits, scheme: Scheme, tolerance: flo
     cycle = np.geomspace(low, high, smooth.PILOTS, axis=1).ravel()
     row = np.repeat(np.arange(len(low)), smooth.PILOTS)
 
+    @cache
     def computed(doublings: int) -> Array:
         if canonical:
             return own.canonical(scheme, doublings).monodromy(row, cycle)
         return c_points.moduli(own.flow(scheme, doublings), row, cycle)[:, 0]
 
-    before = computed(COARSEST - 1)
-    for doublings in range(COARSEST, FINEST):
-        after = computed(doublings)
-        if np.all(SAFETY / (2**scheme.order - 1) * np.abs(after - before) < tolerance):
-            return doublings
-        before = after
-    return FINEST
+    control = StepControl(np.array([COARSEST]), FINEST, tolerance, scheme.order)
+    for doublings, _ in control:
+        difference = np.abs(computed(doublings) - computed(doublings - 1)).max()
+        control.judge(SAFETY * remainder(scheme.order) * difference)
+    return doublings

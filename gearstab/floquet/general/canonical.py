@@ -81,7 +81,7 @@ class CanonicalPeriods:
         return np.asarray(2 * np.pi * self.cycles * np.abs(values).max(axis=(1, 2)))
 
     def _turns(self, matrix: Array) -> tuple[Array, Array]:
-        """What takes x into z ``(P, 2n, m)``, and back, from generators ``(P, m, m)`` of one state."""
+        """Matrices that take x into z ``(P, 2n, m)``, and back, from generators ``(P, m, m)`` of one state."""
         n, m = self.elastic, matrix.shape[-1]
         weight, gyroscopic = np.einsum("pii->pi", matrix[:, :n, n : 2 * n]), -matrix[:, n : 2 * n, n : 2 * n]
         root, each = np.sqrt(weight), np.arange(n)

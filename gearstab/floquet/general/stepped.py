@@ -19,6 +19,7 @@ from gearstab.floquet.smooth.control import rectangles
 from gearstab.floquet.smooth.schemes import CF6_5, Scheme
 from gearstab.floquet.smooth.steps import exponentials, in_steps
 from gearstab.interrupts import heed
+from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.elastic import ElasticRows
 from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
@@ -65,51 +66,35 @@ class SteppedRows:
         omega, m = mesh_frequency, self.own.form.size
         if m == 0:
             return self.cut(0).solved(omega, exponents)
-        first = self.first_levels(omega)
         found = PeriodGrowth(
             np.full(omega.shape, np.nan), np.full(omega.shape, np.nan),
             np.zeros(omega.shape, dtype=bool), np.zeros(omega.shape, dtype=bool),
             np.full((*omega.shape, m), np.nan, dtype=complex) if exponents else None,
         )  # fmt: skip
         before, scales = np.zeros((*omega.shape, m), dtype=complex), np.zeros(omega.shape)
-        pending = np.ones(omega.shape, dtype=bool)
-        for level in range(int(first.min()), int(first.max()) + FINEST + 2):
-            chosen = pending & (first <= level)
-            if not chosen.any():
-                continue
+        first = self.first_levels(omega)
+        control = StepControl(first.copy(), first + FINEST + 1, tolerance, CF6_5.order, leap=1)
+        for level, chosen in control:
             whole = self.cut(level)
             steps = ROUNDING * len(whole.segments.states)
             for rows, points, _ in rectangles(chosen):
                 heed()
-                at, part = (rows[:, None], points), whole.subset(rows)
-                values, scale = part.multipliers(omega[at])
+                at = (rows[:, None], points)
+                values, scale = whole.subset(rows).multipliers(omega[at])
                 error = np.where(level > first[at], _error(before[at], scales[at], values, scale) + steps, np.inf)
                 error[~np.isfinite(values).all(axis=-1)] = np.nan
-                more = (error > tolerance) & (level <= first[at] + FINEST) & ((error > 4 * steps) | np.isinf(error))
-                before[at], scales[at], pending[at], found.error[at] = values, scale, more, error
-                if not more.all():
-                    self._settle(part, found, at, values, scale, more, omega)
+                before[at], scales[at], found.error[at] = values, scale, error
+            control.judge(found.error[chosen], 2 * steps)
+            for rows, points, _ in rectangles(chosen & ~control.pending):
+                at = (rows[:, None], points)
+                with np.errstate(divide="ignore"):
+                    found.log[at] = np.log(np.abs(before[at]).max(axis=-1)) + scales[at]
+                part = whole.subset(rows)
+                found.log[at], canonical, found.doubtful[at] = part.by_krein(omega[at], found.log[at])
+                found.canonical[at] = np.broadcast_to(canonical[:, None], points.shape)
+                if found.table is not None:
+                    found.table[at] = part.all_logs(omega[at])
         return found
-
-    @staticmethod
-    def _settle(
-        part: ExactRows,
-        found: PeriodGrowth,
-        at: tuple[Array, Array],
-        values: Array,
-        scale: Array,
-        more: Array,
-        omega: Array,
-    ) -> None:
-        """Take over what is known of points that need no more steps."""
-        with np.errstate(divide="ignore"):
-            log = np.log(np.abs(values).max(axis=-1)) + scale
-        log, canonical, doubtful = part.by_krein(omega[at], np.where(more, 0.0, log))
-        done = at[0][:, :1].repeat(more.shape[1], axis=1)[~more], at[1][~more]
-        found.log[done], found.doubtful[done] = log[~more], doubtful[~more]
-        found.canonical[done] = np.broadcast_to(canonical[:, None], more.shape)[~more]
-        if found.table is not None:
-            found.table[done] = part.all_logs(omega[at])[~more]
 
     def first_levels(self, omega: Array) -> Array:
         """``(r, P)``: log2 of the steps per common period, one per two radians of the fastest motion or more."""
@@ -173,4 +158,4 @@ def _error(before: Array, other: Array, values: Array, scale: Array) -> Array:
         earlier = before * np.exp(other - scale)[..., None]
         gap = np.abs(values[..., :, None] - earlier[..., None, :]).min(axis=-1).max(axis=-1)
         size = np.maximum(np.abs(values).max(axis=-1), np.exp(-scale))
-        return np.asarray(SAFETY * gap / (2**CF6_5.order - 1) / size)
+        return np.asarray(SAFETY * remainder(CF6_5.order) * gap / size)
