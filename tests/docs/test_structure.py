@@ -199,7 +199,7 @@ BUDGETS: dict[str, dict[str, tuple[int, int]]] = {
         "config": (24, 3590),
         "design": (6, 960),
         "docs": (13, 1250),
-        "exchange": (4, 410),
+        "exchange": (4, 470),
         "floquet": (22, 3230),
         "gears": (13, 1710),
         "kernel": (16, 1540),

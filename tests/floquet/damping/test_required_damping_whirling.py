@@ -67,7 +67,7 @@ WAVES = {"jumps": None, "smooth": Trapezoidal(1.5, 0.1)}
 @pytest.mark.parametrize("wave", WAVES)
 @pytest.mark.parametrize(("seed", "of"), [(0, "damping_ratio"), (4, "damping_ratio"), (3, "factor"), (5, "factor")])
 def test_the_verdict_changes_at_the_value(seed: int, of: str, wave: str) -> None:
-    """Of gyroscopic and of unsymmetric systems, some held at their speed."""
+    """Gyroscopic and unsymmetric systems, some held at their speed."""
     system = random_rotor(seed, hamiltonian=of != "factor")
     if WAVES[wave] is not None:
         system = with_waves(system, *[WAVES[wave]] * len(system.meshes))
