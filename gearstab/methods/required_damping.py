@@ -97,7 +97,7 @@ class DampingAnalysis(Method):
         except NotPossible:
             self.require((), {Feature.IRRATIONAL_RATIO: "choose per_mesh or auto"}, ("frequencies",))
             raise
-        from gearstab.floquet.growth_by_damping import scalable
+        from gearstab.floquet.required_damping import scalable
 
         if self.options.of == "factor" and not scalable(self.system):
             remedy = "give the system damping, or choose of: damping_ratio"

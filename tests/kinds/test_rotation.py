@@ -195,7 +195,7 @@ SMOOTH = Trapezoidal(1.6, 0.2), Fourier(np.array([0.3, 0.1]), np.array([-0.2, 0.
 @pytest.mark.parametrize("holds", [False, True])
 @pytest.mark.parametrize("damped", [False, True])
 def test_multipliers_with_smooth_waves(holds: bool, damped: bool) -> None:
-    """Many speeds at once, and integration (DOP853, between kinks) at two of them."""
+    """Many speeds at once, by integration (DOP853, between kinks) at two of them."""
     system = with_waves(turning() if damped else replace(turning(), damping=None), *SMOOTH)
     if not damped:
         (own,) = system.rotations
