@@ -17,7 +17,7 @@ from gearstab.gears.pair import Pair
 from gearstab.gears.stress import mesh_root_stress
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.speeds import SpeedResponse, speed_response
-from gearstab.systems import build
+from gearstab.systems import build, section
 from gearstab.systems.gearbox.train import Train
 from statements import CONFIGS
 
@@ -109,7 +109,7 @@ def of_stages(design: Design, measure: str) -> np.ndarray:
 @cache
 def pairs(design: Design = Design()) -> list[Pair]:
     """The gears of stages I to IV."""
-    train = Train(parameters(design))
+    train = Train(section(parameters(design)))
     return [train.teeth_of(k).pairs[0] for k in range(4)]
 
 
