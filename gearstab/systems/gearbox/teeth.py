@@ -147,7 +147,7 @@ class MeshTeeth:
     def loaded(self) -> list[LoadedMesh]:
         """Under the force of the mesh. Raises NotPossible where it cannot be computed or is not known."""
         forces = np.broadcast_to(self.force, self.batch).ravel() if not self.relieved else None
-        found = []
+        found: list[LoadedMesh] = []
         for k, numbers in enumerate(self._inputs[1]):
             force = numbers["mesh", "force"] if forces is None else float(forces[k])
             found.append(loaded_mesh(self.pairs[k], self.models[k], self._relief(numbers), force))
