@@ -61,13 +61,13 @@ class DampingAnalysis(Method):
         return chosen(self.system, "per_mesh" if taken == "lyapunov" else taken)
 
     def variables(self) -> tuple[Variable, ...]:
-        from gearstab.floquet.required_damping import FLAGS
+        from gearstab.floquet.required.damping import FLAGS
 
         return flagged(REQUIRED_DAMPING, FLAGS)
 
     def run(self, mesh_frequency: Array) -> Outcome:
         from gearstab.floquet.frequencies import apart
-        from gearstab.floquet.required_damping import required_damping
+        from gearstab.floquet.required.damping import required_damping
 
         options, exact = self.options, self.strategy.name == "common_period"
         found = [
@@ -97,7 +97,7 @@ class DampingAnalysis(Method):
         except NotPossible:
             self.require((), {Feature.IRRATIONAL_RATIO: "choose per_mesh or auto"}, ("frequencies",))
             raise
-        from gearstab.floquet.growth_by_damping import scalable
+        from gearstab.floquet.required.growth import scalable
 
         if self.options.of == "factor" and not scalable(self.system):
             remedy = "give the system damping, or choose of: damping_ratio"

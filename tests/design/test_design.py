@@ -23,7 +23,7 @@ from gearstab.design.searching.search import first
 from gearstab.errors import PlotError
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.required_damping import required_damping
+from gearstab.floquet.required.damping import required_damping
 from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.systems import build, section

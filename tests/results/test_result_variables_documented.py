@@ -9,7 +9,7 @@ from scenes import DOCS
 
 from gearstab.connections import MachineElement
 from gearstab.floquet import STATUS_FLAGS
-from gearstab.floquet.required_damping import FLAGS as DAMPING_FLAGS
+from gearstab.floquet.required.damping import FLAGS as DAMPING_FLAGS
 from gearstab.passage import STATUS_FLAGS as PASSAGE_FLAGS
 from gearstab.response.backlash import BACKLASH_FLAGS
 from gearstab.response.linear.steady import STATUS_FLAGS as RESPONSE_FLAGS

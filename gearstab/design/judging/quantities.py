@@ -99,7 +99,7 @@ def load_factor_over(system: GearSystem, omega: Array, lowest: float | None = No
 
 def damping_over(system: GearSystem, omega: Array) -> Array:
     """``(rows, P)``, the modal damping ratio that stabilises a point, in place of the system's own; NaN above 0.5."""
-    from gearstab.floquet.required_damping import required_damping as required
+    from gearstab.floquet.required.damping import required_damping as required
 
     own = system if whirls(system) else replace(system, damping=None)
     return required(own, omega, largest=LARGEST_DAMPING).value

@@ -8,7 +8,7 @@ from mpmath import mp
 from systems import train
 
 from gearstab.floquet import solve
-from gearstab.floquet.required_damping import FLAGS, required_damping
+from gearstab.floquet.required.damping import FLAGS, required_damping
 from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes, modal_damping_matrix
 from gearstab.perturbation import first_order

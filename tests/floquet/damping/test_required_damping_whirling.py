@@ -14,7 +14,7 @@ from random_rotors import random_rotor
 import gearstab as gs
 from gearstab.config import ConfigError
 from gearstab.floquet import solve
-from gearstab.floquet.required_damping import FLAGS, required_damping
+from gearstab.floquet.required.damping import FLAGS, required_damping
 from gearstab.mesh import Mesh
 from gearstab.modal import modal_damping_matrix
 from gearstab.perturbation import first_order

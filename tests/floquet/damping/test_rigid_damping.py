@@ -15,7 +15,7 @@ from scipy.linalg import expm
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.frequencies import lyapunov, per_mesh
-from gearstab.floquet.required_damping import FLAGS, required_damping
+from gearstab.floquet.required.damping import FLAGS, required_damping
 from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm
 from gearstab.response import free_response, steady_state
 from gearstab.system import GearSystem

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.dispatch import in_modes
-from gearstab.floquet.growth_by_damping import DAMPING_RATIO, FACTOR, GrowthByDamping, growths
+from gearstab.floquet.required.growth import DAMPING_RATIO, FACTOR, GrowthByDamping, growths
 from gearstab.floquet.segments.reduction import reduce
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.system import Array, GearSystem

@@ -1,0 +1,1 @@
+"""Damping from which on a system is stable, and growth rates as functions of damping."""
