@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots import gear_bodies
 from gearstab.plots.axes import texts, units_of
+from gearstab.plots.drawing import gear_bodies
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, LINE, WIDTHS, new_figure
 from gearstab.plots.drawing.text import bracketed, fitted, number_text, plain, unit_text

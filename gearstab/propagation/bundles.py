@@ -51,7 +51,7 @@ class Bundle:
         """``(Q, K, meshes)``."""
         return np.asarray(self.points.excitation.split(self.points.equation.middles[self.q])[0][:, self.points.at])
 
-    def through(self, x: Array) -> tuple[Course, Array]:
+    def through(self, x: Array) -> tuple[BundleCourse, Array]:
         """Return the course that begins with x ``(K, m)``, and the state at its end."""
         drive = self._drive()
         growth, quotients = self.steps(np.ones(1))
@@ -63,7 +63,7 @@ class Bundle:
             begins[k] = (inverse @ x[..., None])[..., 0]
             y = growth[0, k] * begins[k] + (quotients[k] * drive[k]).sum(axis=-1)
             x = (self.eigen.vectors[state] @ y[..., None])[..., 0].real
-        return Course(self, begins, drive), x
+        return BundleCourse(self, begins, drive), x
 
     def _drive(self) -> Array:
         """``(Q, K, m, 1 + H)``, forces times the durations, of c cos + s sin = Re[(c - i s) exp(i phi)]."""
@@ -92,16 +92,16 @@ class Bundle:
 
 
 @dataclass(frozen=True)
-class Course:
+class BundleCourse:
     """The way of a motion through a bundle: y at the beginning of each interval, ``(Q, K, m)``, and the forces on y."""
 
     bundle: Bundle
     begins: Array
     drive: Array
 
-    def some(self, index: Array) -> Course:
+    def some(self, index: Array) -> BundleCourse:
         """Return some of the intervals, by position."""
-        return Course(self.bundle.some(index), self.begins[index], self.drive[index])
+        return BundleCourse(self.bundle.some(index), self.begins[index], self.drive[index])
 
     def amplitudes(self, panels: int, nodes: Array) -> Array:
         """Return y ``(Q, K, panels, nodes, m)`` at the nodes of equal panels, the first one 0 and the last one 1."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import periodic_reference as reference
@@ -345,3 +347,13 @@ class TestDivision:
                 mean = np.einsum("rs,rsm->rm", pattern.fractions, pattern.levels)
                 # Gauss-Legendre nodes on analytic pieces: exact for ramps and cubics.
                 np.testing.assert_allclose(mean, division.functions.offsets(division.rows), rtol=0, atol=1e-9)
+
+
+def test_an_estimate_holds_what_rounding_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two resolutions that agree to the last digit may both be wrong by their rounding."""
+    change, rounding = np.array([[0.0, 0.0, 0.0, 1e-9]]), np.array([[1e-13, 2e-13, 0.0, 3e-13]])
+    monkeypatch.setattr(control, "difference", lambda *_: (change, rounding))
+    answer: Any = SimpleNamespace(rounding=rounding)
+    error, part, _ = control.estimated(answer, answer, 0 * change, 0.5, change >= 0)
+    np.testing.assert_array_equal(part, rounding)
+    np.testing.assert_allclose(error, 0.5 * change + rounding, rtol=1e-15)

@@ -10,7 +10,7 @@ from plot_results import tree
 from gearstab.config import load
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
-from gearstab.plots.gear_bodies import LARGEST, displaced, layout_of, mesh_deflection, ring_shape
+from gearstab.plots.drawing.gear_bodies import LARGEST, displaced, layout_of, mesh_deflection, ring_shape
 from gearstab.plots.view import Request
 from gearstab.results import open_result
 from gearstab.sweep import plan, run

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.propagation.bundles import Bundle, Course, bundles
+from gearstab.propagation.bundles import Bundle, BundleCourse, bundles
 from gearstab.propagation.intervals import Interval, SteadyPoints
 from gearstab.response.measures.extremes import BETWEEN, HERMITE, NODES, RATES, extremes
 from gearstab.system import Array, of_wholes
@@ -119,7 +119,7 @@ def _panels(length: Array, panels: float) -> Array:
     return np.maximum(1, np.ceil(length.max(axis=1) * panels - 1e-9)).astype(int)
 
 
-def _read(course: Course, modal: Array, count: int) -> Readings:
+def _read(course: BundleCourse, modal: Array, count: int) -> Readings:
     """The intervals of a course, of ``count`` panels each."""
     bundle = course.bundle
     fractions = _fractions(count, NODES).reshape(count, -1, 1, 1)
