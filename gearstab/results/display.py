@@ -29,6 +29,8 @@ SPEEDS = (FREQUENCY, "input_speed")
 """Axes along which the mesh frequency varies."""
 FACTOR = "mesh_frequency_factor"
 """Attribute of an axis of SPEEDS: mesh frequency over its values."""
+CYCLES = "cycles_of_input"
+"""Attribute of an axis of SPEEDS, or of a response: cycles of the first mesh in a turn of the input shaft."""
 OPERATING_RANGE = "operating_range"
 """Attribute of an axis of SPEEDS: the lowest and the highest speed of each operating range, in the unit of the axis."""
 RATIOS = "frequency_ratios"

@@ -200,7 +200,7 @@ class TestArguments:
 
     @pytest.fixture
     def given(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-        """Those of a first call."""
+        """Arguments of a first call."""
         calls: list[list[Any]] = []
 
         class Library:

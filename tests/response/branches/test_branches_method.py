@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -15,6 +17,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from backlash_pairs import CASES, pair
+from scenes import ran
 
 from gearstab import plots
 from gearstab.bench.branches import branch_cost
@@ -59,7 +62,7 @@ def configured(folder: Path, text: str) -> Path:
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of two systems, each in a block of its own, in two processes."""
+    """Result of two systems, each in a block of its own, in two processes."""
     folder = tmp_path_factory.mktemp("branches")
     prepared = plan(load(configured(folder, CONFIG)))
     assert [block.shape for block in prepared.layout("branches").blocks()] == [(1,), (1,)]
@@ -282,7 +285,7 @@ def test_bench_measures_branches() -> None:
     "text", [CONFIG.replace("start: 0.55", "start: 0.95"), SYSTEM + OVER.replace("start: 2.0", "start: 3.9")]
 )
 def test_finished_blocks_are_taken_up_again(tmp_path: Path, text: str) -> None:
-    """What a sweep that was interrupted has finished counts: its parts hold what they may, where nothing is too."""
+    """Finished blocks of an interrupted sweep count: its parts hold what they may, where nothing is too."""
     prepared = plan(load(configured(tmp_path, text)))
     block = next(prepared.layout("branches").blocks())
     assert fits(prepared, block, compute(prepared, block))
@@ -319,3 +322,27 @@ def test_branches_of_an_older_layout_are_refused() -> None:
     group = xr.Dataset({"branch_frequency": ("point", [1.0]), "kind": ("point", [0])})
     with pytest.raises(ResultError, match="run the sweep again"):
         branches_of(xr.DataTree.from_dict({"/": xr.Dataset(), "branches": group}))
+
+
+def test_motions_on_branches_are_counted_without_what_is_behind_their_ends(swept: Path) -> None:
+    # Their mesh frequencies have the name of an axis of the sweep, over other dimensions.
+    told = json.loads(ran("info", swept, "--json").stdout)["outcome"]
+    with h5py.File(swept) as file:
+        stable = file["branches/stable"][:]
+    assert (stable == -1).any()
+    assert (told["points"], told["unstable"], told["failed"]) == (np.sum(stable >= 0), np.sum(stable == 0), 0)
+
+
+def test_complex_values_of_branches_are_compared(swept: Path, tmp_path: Path) -> None:
+    assert ran("diff", swept, swept).exit_code == 0
+    other = tmp_path / "other.h5"
+    shutil.copy(swept, other)
+    with h5py.File(other, "r+") as file:
+        values = file["branches/multipliers"]
+        size = np.nanmax(np.abs(values[:]))
+        values[...] = values[:] + 0.5j * size
+    told = json.loads(ran("diff", swept, other, "--json").stdout)
+    differing = {name: value for name, value in told["variables"].items() if value != 0}
+    with h5py.File(other) as file:
+        largest = np.nanmax(np.abs(file["branches/multipliers"][:]))
+    assert differing == {"/branches/multipliers": pytest.approx(0.5 * size / largest, rel=1e-12)}
