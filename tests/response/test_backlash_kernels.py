@@ -213,7 +213,7 @@ class TestArguments:
 
         system, omega = CASES["planets"]
         prepared = model(system, omega)
-        course = follow.Course.of(prepared, 1e-12)
+        course = follow.ContactCourse.of(prepared, 1e-12)
         motion = follow.follow(course, prepared.motion.state(*pushed(system)), 1e-12)
         monkeypatch.setattr(ckernel, "library", Library())
         with pytest.raises(follow.Chatter):

@@ -184,7 +184,7 @@ class Contacts:
 
 
 @dataclass(frozen=True)
-class Course:
+class ContactCourse:
     """Everything that it takes to follow motions of a single system at one mesh frequency.
 
     dynamics: the equations;  table: what varies in them;  contacts: that have occurred.
@@ -197,14 +197,14 @@ class Course:
     fastest: float
 
     @classmethod
-    def of(cls, dynamics: d.Dynamics, tolerance: float) -> Course:
+    def of(cls, dynamics: d.Dynamics, tolerance: float) -> ContactCourse:
         """Prepare. Raises NotPossible where that takes too many series."""
         table, m = timetable(dynamics, tolerance), dynamics.size
         closed = dynamics.generator(table.shapes[:1, 0], np.full(len(dynamics.teeth.has), UPPER))[0]
         fastest = np.abs(np.linalg.eigvals(closed[:m, :m])).max() / (2 * np.pi)
         return cls(dynamics, table, Contacts(dynamics), float(fastest))
 
-    def at(self, omega: float, contacts: Contacts) -> Course:
+    def at(self, omega: float, contacts: Contacts) -> ContactCourse:
         """Return the same at another mesh frequency, on which the modes may not depend; contacts: at one nearby."""
         model = self.dynamics.at(omega)
         return replace(self, dynamics=model, contacts=Contacts(model, contacts))
@@ -215,7 +215,7 @@ class Course:
         return BUSY + 10 * self.fastest * self.dynamics.motion.period
 
 
-def follow(course: Course, x: Array, tolerance: float) -> Iterator[Track]:
+def follow(course: ContactCourse, x: Array, tolerance: float) -> Iterator[Track]:
     """The motion from the state x at t = 0 on, without end.
 
     Raises Chatter, OverflowError where the motion outgrows double precision, and NotPossible where smooth functions are

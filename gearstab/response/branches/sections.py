@@ -12,7 +12,7 @@ from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.propagation.first_order import bases
 from gearstab.response.backlash.contact import play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
-from gearstab.response.backlash.follow import Chatter, Contacts, Course, Track, follow
+from gearstab.response.backlash.follow import Chatter, ContactCourse, Contacts, Track, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter, elastic
 from gearstab.response.branches.variation import factors
 from gearstab.response.linear.driven import Driven, driven
@@ -106,7 +106,7 @@ class Prepared:
     """
 
     system: GearSystem
-    course: Course
+    course: ContactCourse
     elastic: Array
     basis: Array
 
@@ -163,7 +163,7 @@ class SectionMap:
         if self.along is None:
             return self._at_speed(parameter)
         system, motion = self._driven(self.along(parameter))
-        course = Course.of(dynamics(system, motion, play(system)), self.tolerance)
+        course = ContactCourse.of(dynamics(system, motion, play(system)), self.tolerance)
         kept = elastic(course.dynamics)
         basis = np.column_stack([motion.state(*pair)[kept] for pair in zip(*self._reference.physical(), strict=True)])
         return Prepared(system, course, kept, basis)
@@ -172,7 +172,7 @@ class SectionMap:
         """The system itself at a mesh frequency: of the first one that was asked for, if modes do not depend on it."""
         first = self._first
         if first is None or self.motion.whole.form.by_speed is not None:
-            course = Course.of(dynamics(self.own, replace(self.motion, omega=omega), self.teeth), self.tolerance)
+            course = ContactCourse.of(dynamics(self.own, replace(self.motion, omega=omega), self.teeth), self.tolerance)
             kept = elastic(course.dynamics)
             found = self._first = Prepared(self.own, course, kept, np.eye(int(np.count_nonzero(kept))))
         else:
