@@ -189,7 +189,7 @@ class Gearbox(System):
         """Yield methods over a mesh frequency at which torques that depend on the speed are not taken."""
         yield from super().unfit(axes, methods)
         names = {axis.name for axis in axes if axis.size > 1}
-        if "input_speed" in names and told(self.follow_speed):
+        if "input_speed" in names and told(lambda: bool(self.follow_speed())):
             for name in (name for name in methods if name in OVER_SPEED):
                 message = "is over the speed of one system, and its friction or torque depends on the speed"
                 yield (name,), "not_applicable", message, "map it with methods.floquet, or make both constant"
