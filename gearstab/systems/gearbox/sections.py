@@ -30,10 +30,10 @@ from gearstab.systems.gearbox.missing import missing_of_teeth
 from gearstab.systems.gearbox.rotors import moves, slides, turns
 from gearstab.systems.gearbox.set_sections import PlanetarySet, by_name, complete_angles, set_fault_conflicts
 from gearstab.systems.gearbox.set_sections import conflicts as set_conflicts
-from gearstab.systems.gearbox.torque_law import TorqueLaw
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.parts.faults import fault_conflicts
 from gearstab.systems.parts.mesh import ToothMesh
+from gearstab.systems.parts.torque_law import TorqueLaw
 
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Axis, Grid
