@@ -12,9 +12,9 @@ from gearstab.errors import PlotError, listed
 from gearstab.plots import modes, work_precision
 from gearstab.plots.axes import distinct, refuse_empty
 from gearstab.plots.design import before_after, contour, pareto, tornado
+from gearstab.plots.drawing.levels import DECIBEL
 from gearstab.plots.drawing.style import style
 from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.levels import DECIBEL
 from gearstab.plots.maps import (
     boundaries,
     campbell,

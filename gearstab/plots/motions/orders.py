@@ -13,10 +13,10 @@ from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import axis_of, group_of
 from gearstab.plots.drawing import names
 from gearstab.plots.drawing.heading import write_legend, write_title
+from gearstab.plots.drawing.levels import in_decibels, level_label, tall_enough
 from gearstab.plots.drawing.style import CASES, DASHES, new_figure
 from gearstab.plots.drawing.text import plain
 from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.levels import in_decibels, level_label, tall_enough
 from gearstab.plots.motions.response import MOST_PANELS, fit_labels
 from gearstab.plots.motions.waterfall import mesh_ratios, speed_label
 from gearstab.plots.view import Request

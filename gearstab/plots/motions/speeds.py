@@ -16,9 +16,9 @@ from gearstab.plots.axes import INNER
 from gearstab.plots.cases import caption
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
+from gearstab.plots.drawing.levels import in_decibels, level_label, tall_enough
 from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_frame
 from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.levels import in_decibels, level_label, tall_enough
 from gearstab.plots.maps import curve, doubt
 from gearstab.plots.variables import colour_label, find_variable
 from gearstab.plots.view import Request, View, view_along

@@ -30,10 +30,10 @@ from gearstab.systems.gearbox.missing import missing_of_teeth
 from gearstab.systems.gearbox.rotors import moves, slides, turns
 from gearstab.systems.gearbox.set_sections import PlanetarySet, by_name, complete_angles, set_fault_conflicts
 from gearstab.systems.gearbox.set_sections import conflicts as set_conflicts
-from gearstab.systems.gearbox.torque_law import TorqueLaw
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.parts.faults import fault_conflicts
 from gearstab.systems.parts.mesh import ToothMesh
+from gearstab.systems.parts.torque_law import TorqueLaw
 
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Axis, Grid
@@ -189,8 +189,7 @@ class Gearbox(System):
         """Yield methods over a mesh frequency at which torques that depend on the speed are not taken."""
         yield from super().unfit(axes, methods)
         names = {axis.name for axis in axes if axis.size > 1}
-        follows = told(self.follow_speed)
-        if "input_speed" in names and follows:
+        if "input_speed" in names and told(lambda: bool(self.follow_speed())):
             for name in (name for name in methods if name in OVER_SPEED):
                 message = "is over the speed of one system, and its friction or torque depends on the speed"
                 yield (name,), "not_applicable", message, "map it with methods.floquet, or make both constant"
