@@ -13,7 +13,7 @@ import xarray as xr
 
 from gearstab.config import load
 from gearstab.floquet.boundaries import BOUNDARY_FLAGS
-from gearstab.respond import respond
+from gearstab.response.command import respond
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
 

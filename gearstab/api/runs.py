@@ -60,7 +60,7 @@ def respond(config: Source) -> xr.DataTree:
 
     config: as in :func:`gearstab.load`, with the section ``respond``. Raises ConfigError.
     """
-    from gearstab.respond import computed
+    from gearstab.response.command import computed
     from gearstab.results.read import from_bytes
     from gearstab.results.write import image
 

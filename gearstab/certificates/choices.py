@@ -53,3 +53,37 @@ def _swept(propagators: Sequence[Array], fractions: Sequence[float], whole: Arra
     for _ in range(DOUBLINGS):
         form, power = form + power.T @ form @ power, power @ power
     return [np.linalg.inv(np.linalg.cholesky(0.5 * (p + p.T))).T for p in swept(form)]
+
+
+REAL = 1e-12
+"""Imaginary part, relative to the modulus, below which an eigenvalue is real."""
+BALANCING = 5
+"""Rounds of balancing the lengths of eigenvectors."""
+
+
+def modal(generators: Array, share: Array) -> Array:
+    """Real coordinates ``(m, m)`` of the eigenvectors of the mean of generators ``(D, m, m)``, in balance."""
+    values, vectors = np.linalg.eig(np.tensordot(share, generators, 1))
+    pairs = values.imag > REAL * np.abs(values)
+    own = pairs | (np.abs(values.imag) <= REAL * np.abs(values))
+    return balanced(vectors[:, own], pairs[own], generators, share)
+
+
+def balanced(vectors: Array, pairs: Array, generators: Array, share: Array) -> Array:
+    """Real coordinates of eigenvectors, of such lengths that what couples two of them is alike both ways."""
+    owner = np.repeat(np.arange(len(pairs)), 1 + pairs)
+    first = np.searchsorted(owner, np.arange(len(pairs)))
+    columns = np.empty((len(vectors), len(owner)))
+    columns[:, first], columns[:, first[pairs] + 1] = vectors.real, vectors[:, pairs].imag
+    try:
+        inner = np.linalg.solve(columns, generators @ columns)
+    except np.linalg.LinAlgError:
+        return columns
+    own = (owner == np.arange(len(pairs))[:, None]).astype(float)
+    size = own @ np.tensordot(share, inner**2, 1) @ own.T
+    np.fill_diagonal(size, 0.0)
+    length, coupled = np.ones(len(pairs)), size.any(axis=0) & size.any(axis=1)
+    for _ in range(BALANCING):
+        into, out = length**-2 @ size, size @ length**2
+        length[coupled] = np.sqrt(length[coupled]) * (out[coupled] / into[coupled]) ** 0.125
+    return (columns * length[owner]).astype(np.float32).astype(float)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
+from math import ceil, floor
 
+import numpy as np
+from flint import arb
+from scipy.optimize import brentq
+
+from gearstab.certificates.counting import Counter, countable
 from gearstab.certificates.equations import flow
 from gearstab.certificates.making import Maker
 from gearstab.certificates.segments import segments
-from gearstab.certificates.verifier import Array, Certificate, Flow, proves
+from gearstab.certificates.shares import gaps
+from gearstab.certificates.verifier import COUNTED, Array, Certificate, Flow, proves
 from gearstab.system import GearSystem
 
 LEFT = 4e-4
@@ -18,6 +24,10 @@ MOST = 1e-4
 """The largest, also where no edges share LEFT: shorter pieces are tried before a part is left."""
 NARROW = 0.05
 """Part of an interval that is given up at each of its ends, at most."""
+BESIDE = 0.1
+"""What is given up on both sides of a crossing of multipliers within an unstable interval, as part of that at an edge."""
+SAMPLES = 32
+"""Samples a cell in which such crossings are looked for."""
 
 
 def states(system: GearSystem) -> int:
@@ -45,9 +55,49 @@ def verdicts(system: GearSystem, omega: Array) -> Array:
 
 def _of_row(known: Flow, ends: Array) -> list[Certificate]:
     widths = np.diff(np.log(ends))
-    floor = LEFT * widths.sum() / (2 * len(widths))
+    share = LEFT * widths.sum() / (2 * len(widths))
+    counter = Counter(known) if countable(known) else None
     found: list[Certificate] = []
     for k, width in enumerate(widths):
-        maker = Maker(known, max(LEAST, min(floor, MOST, NARROW * width)))
-        found += maker.cover(ends[k], ends[k + 1], (k > 0, k < len(widths) - 1))
+        least = max(LEAST, min(share, MOST, NARROW * width))
+        edges = k > 0, k < len(widths) - 1
+        low, high = ends[k] * (1 + edges[0] * least), ends[k + 1] * (1 - edges[1] * least)
+        counted = [] if counter is None else _counted(counter, low, high, least)
+        found += counted
+        maker = Maker(known, least)
+        for start, stop in gaps(np.array([(piece.low, piece.high) for piece in counted]).reshape(-1, 2), low, high):
+            if stop > start * (1 + least):
+                found += maker.cover(start, stop, (edges[0] and start == low, edges[1] and stop == high))
+    return sorted(found, key=lambda piece: piece.low)
+
+
+def _counted(counter: Counter, low: float, high: float, least: float) -> list[Certificate]:
+    """Pieces without coordinates: an interval, or what is between places where multipliers cross the circle while
+    others are outside.
+    """
+    if (outside := counter.outside(low, high)) is not None:
+        return [Certificate(low, high, int(outside > 0), COUNTED, np.zeros((0, 0)))]
+    zeros = _zeros(counter, low, high)
+    starts, ends = (
+        [sign_end, *(at * (1 + sign * BESIDE * least) for at in zeros)] for sign_end, sign in ((low, 1), (high, -1))
+    )
+    found = []
+    for start, end in zip(starts, [*ends[1:], high], strict=True):
+        if zeros and start < end and (outside := counter.outside(start, end)) is not None:
+            found.append(Certificate(start, end, int(outside > 0), COUNTED, np.zeros((0, 0))))
     return found
+
+
+def _zeros(counter: Counter, low: float, high: float) -> list[float]:
+    """Where p(1) p(-1) D changes its sign, ascending, as far as samples show it."""
+
+    def value(omega: float) -> float:
+        place = float(counter.place(omega))
+        cell = counter.cell(floor(place))
+        return np.nan if cell is None else float(cell[1](arb(2 * (place - floor(place)) - 1)))
+
+    count = max(2, ceil(SAMPLES * float(counter.place(low) - counter.place(high))))
+    at = np.geomspace(low, high, count + 1)
+    values = np.array([value(omega) for omega in at.tolist()])
+    changes = np.flatnonzero(values[1:] * values[:-1] < 0)
+    return [brentq(value, at[k], at[k + 1], xtol=1e-12 * at[k], rtol=1e-12) for k in changes]

@@ -28,10 +28,12 @@ import numpy as np
 from flint import arb_mat, ctx
 
 from gearstab.certificates.polynomials import exact
-from gearstab.certificates.verifier import PRECISION, Flow
+from gearstab.certificates.verifier import Flow
 
 Array = np.ndarray
 
+BITS = 160
+"""Of the midpoints: more than any proof takes."""
 IMPOSED = 1e-9
 """Part of |K| |r| up to which K r counts as 0."""
 
@@ -57,7 +59,7 @@ class Segments:
 
 def flow(system: Segments) -> Flow:
     """The system in balls; raises ValueError where the vectors are no rigid-body modes."""
-    ctx.prec = PRECISION
+    ctx.prec = BITS
     mass, damping, stiffness = exact(system.mass), system.damping, system.stiffness
     turning = (
         [np.zeros((0, *system.mass.shape))] * 3 if system.following is None else [*np.array(system.following)[:, None]]

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import expm
 
-from gearstab.certificates.choices import GRADED
+from gearstab.certificates.choices import GRADED, REAL, balanced
 from gearstab.certificates.polynomials import near
 from gearstab.certificates.verifier import Array, Certificate, Flow, proves
 
@@ -30,14 +30,10 @@ WIDE = 1e6
 """Ratio of multipliers above which the modes of the mean system serve as coordinates."""
 CONDITION = 1e8
 """Largest condition of eigenvectors from which exponentials are made."""
-REAL = 1e-12
-"""Imaginary part, relative to the modulus, below which a multiplier is real."""
 CIRCLE = 1e-9
 """Growth over a period that is rounding."""
 WITHIN = 0.25
 """Where between the growth of two directions, as logarithms, the rate that tells them apart lies."""
-BALANCING = 5
-"""Rounds of balancing the lengths of Floquet vectors."""
 
 
 class Maker:
@@ -159,7 +155,7 @@ class Maker:
         values, vectors, pairs = values[own], vectors[:, own], pairs[own]
         if len(values) + pairs.sum() != len(monodromy) or not values.all():
             return None
-        coordinates = self._balanced(vectors, pairs, self._generators(low))
+        coordinates = balanced(vectors, pairs, self._generators(low), self.share)
         growth = np.log(np.abs(np.repeat(values, 1 + pairs)))
         gap = growth - np.maximum(np.append(growth[1:], -np.inf), 0.0)
         outside = int(np.argmax(gap)) + 1
@@ -170,25 +166,6 @@ class Maker:
         if self.form is None:
             return Certificate(low, high, 0, 1.0, coordinates)
         return Certificate(low, high, 0, 0.0, coordinates, _separators(self.form, values, vectors))
-
-    def _balanced(self, vectors: Array, pairs: Array, generators: Array) -> Array:
-        """Real coordinates of Floquet vectors, of such lengths that what couples two of them is alike both ways."""
-        owner = np.repeat(np.arange(len(pairs)), 1 + pairs)
-        first = np.searchsorted(owner, np.arange(len(pairs)))
-        columns = np.empty((len(vectors), len(owner)))
-        columns[:, first], columns[:, first[pairs] + 1] = vectors.real, vectors[:, pairs].imag
-        try:
-            inner = np.linalg.solve(columns, generators @ columns)
-        except np.linalg.LinAlgError:
-            return columns
-        own = (owner == np.arange(len(pairs))[:, None]).astype(float)
-        size = own @ np.tensordot(self.share, inner**2, 1) @ own.T
-        np.fill_diagonal(size, 0.0)
-        length, coupled = np.ones(len(pairs)), size.any(axis=0) & size.any(axis=1)
-        for _ in range(BALANCING):
-            into, out = length**-2 @ size, size @ length**2
-            length[coupled] = np.sqrt(length[coupled]) * (out[coupled] / into[coupled]) ** 0.125
-        return (columns * length[owner]).astype(np.float32).astype(float)
 
 
 def _separators(form: Array, values: Array, vectors: Array) -> tuple[float, ...]:

@@ -67,6 +67,8 @@ PRECISION, DEGREE, GENTLE = 64, 4, 0.1
 """Bits of the midpoints; degree of the Taylor polynomials, sum of |B| below which it is 2."""
 LONGEST, MOST, ENDLESS = 0.4, 16, 1000.0
 """Sum of |B|, and number, beyond which a part ends: radii grow with each segment. Sum of |B| of too long a piece."""
+COUNTED = -1.0
+"""The rate of claims without coordinates, of which Theorem 3 is (counting.py)."""
 
 
 @dataclass(frozen=True)

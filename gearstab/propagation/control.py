@@ -16,7 +16,7 @@ from gearstab.system import Array
 AIM = 0.5
 """Error aimed at, as a part of the tolerance."""
 LEAP = 3
-"""Doublings at once: a factor 8 in the number of steps, 2^18 in an error of order six."""
+"""Most doublings at once: a factor 8 in the number of steps, 2^18 in an error of order six."""
 
 
 def remainder(order: int) -> float:
@@ -28,16 +28,19 @@ class StepControl:
     """Iteration over levels of resolution, each with the points to be computed there.
 
     level: ``(...)`` int, at which each point begins, raised in place. last: the largest one of each point. doubling:
-    levels that double the steps. Every level is answered by :meth:`judge` before the next::
+    levels that double the steps. leap: doublings at once, at most. Every level is answered by :meth:`judge` before the
+    next::
 
         for level, chosen in control:
             control.judge(error of the chosen points)
     """
 
-    def __init__(self, level: Array, last: Array | int, tolerance: float, order: int, doubling: int = 1) -> None:
+    def __init__(
+        self, level: Array, last: Array | int, tolerance: float, order: int, doubling: int = 1, leap: int = LEAP
+    ) -> None:
         self.level, self.last = level, np.broadcast_to(last, level.shape)
         self.pending = np.ones(level.shape, dtype=bool)
-        self.tolerance, self.order, self.doubling = tolerance, order, doubling
+        self.tolerance, self.order, self.doubling, self.leap = tolerance, order, doubling, leap
 
     def __iter__(self) -> Iterator[tuple[int, Array]]:
         """Yield levels in ascending order, and which points are to be computed there, bool."""
@@ -56,7 +59,7 @@ class StepControl:
         with np.errstate(divide="ignore", invalid="ignore"):
             excess = np.maximum(error - rounding, 0.0) / np.maximum(AIM * self.tolerance, rounding)
             times = np.ceil(np.nan_to_num(np.log2(excess) / self.order, nan=1.0, posinf=1.0))
-        more = self.doubling * np.clip(times, 1, LEAP).astype(int)
+        more = self.doubling * np.clip(times, 1, self.leap).astype(int)
         # Where rounding has the last word more steps do not help.
         again = (error > self.tolerance) & (error > 2 * np.asarray(rounding)) & (before < self.last[self.chosen])
         self.level[self.chosen] = np.minimum(before + np.where(again, more, 0), self.last[self.chosen])

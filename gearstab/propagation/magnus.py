@@ -18,7 +18,6 @@ twice for orders of 8 to 26 (faster only for a single one), and takes half a sec
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import factorial
 
 import numpy as np
@@ -101,28 +100,6 @@ def _taylor(a: Array) -> Array:
         if start:
             total = total @ fourth
     return np.asarray(total)
-
-
-@dataclass(frozen=True)
-class MagnusSteps:
-    """Consecutive steps, the first one acting first.
-
-    coefficients: ``(S, 5, m, m)``, see :func:`polynomial`.
-    length: ``(S,)``, parts of a period.
-    """
-
-    coefficients: Array
-    length: Array
-
-
-def propagated(steps: MagnusSteps, period: Array, matrix: Array, scale: Array) -> tuple[Array, Array]:
-    """Return what the steps make of matrices times exp(scale) at periods ``(P,)``, as such products again.
-
-    The new matrices have entries of about one. matrix: ``(P, m, m)``. scale: ``(P,)``.
-    """
-    if matrix.shape[-1] == 0:
-        return matrix, scale
-    return ckernel.magnus_steps(steps.coefficients, steps.length, period, matrix, scale)
 
 
 def eigenvalues(matrix: Array) -> Array:

@@ -212,8 +212,8 @@ def groups_of(tree: xr.DataTree) -> dict[str, xr.Dataset]:
 def branches_of(tree: xr.DataTree) -> xr.Dataset:
     """Return the group ``branches`` with the axes over which it stands, as a dataset that can be cut.
 
-    Its ``mesh_frequency`` has the name of an axis of the sweep, which groups inherit. Raises ResultError for one of an
-    older layout.
+    Where these are in memory, in one of a sweep that was read before, ``mesh_frequency`` is a coordinate. Raises
+    ResultError for one of an older layout.
     """
     own = tree.children["branches"].to_dataset(inherit=False)
     if "branch_frequency" in own or "kind" in own:

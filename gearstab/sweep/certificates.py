@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gearstab.certificates.counting import proved
 from gearstab.certificates.equations import Segments, flow
 from gearstab.certificates.making import Maker
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import union_length
 from gearstab.certificates.stored import unpacked
-from gearstab.certificates.verifier import Certificate, proves
+from gearstab.certificates.verifier import Certificate
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.document.yaml import parse
 from gearstab.errors import ResultError
@@ -172,8 +173,7 @@ def _proved(
 
 def prove(system: Segments, pieces: Sequence[Certificate]) -> list[bool]:
     """Return which pieces are proved."""
-    known = flow(system)
-    return [proves(known, piece) for piece in pieces]
+    return proved(flow(system), pieces)
 
 
 def _of_row(row: CertifiedRow, proved: Sequence[Sequence[bool]], start: float, stop: float) -> ProvedRow:

@@ -13,7 +13,7 @@ from systems import train
 
 from gearstab.cli import group
 from gearstab.config import load
-from gearstab.respond import computed, effort
+from gearstab.response.command import computed, effort
 
 CONFIGS = ROOT / "configs"
 SMOOTH = """

@@ -59,11 +59,6 @@ FUNCTION(symmetric, "@cn![dcnn][Dcn][Dcnn]") {
     return c->level->symmetric(0, c->n['c'], c->n['n'], array(c, 0), array(c, 1), array(c, 2));
 }
 
-FUNCTION(magnus, "@cm![dc5mm][dc]:pp[dp][Dpmm][Dp]") {
-    struct steps steps = {.count = c->n['c'], .m = c->n['m'], .coefficients = array(c, 0), .length = array(c, 1)};
-    return c->level->magnus(&steps, c->first, c->last, array(c, 2), array(c, 3), array(c, 4));
-}
-
 FUNCTION(eigenvalues, "@cm!:c[dcmm][Zcm]") {
     return c->level->eigenvalues(c->first, c->last, c->n['m'], array(c, 0), array(c, 1));
 }
@@ -149,8 +144,6 @@ static PyMethodDef METHODS[] = {
     {"trace_change", py_trace_change, METH_VARARGS, "trace_change(count, n, weight, fine, coarse, change, largest)"},
     {"trace_condition", py_trace_condition, METH_VARARGS, "trace_condition(count, n, rho, least, moved, apart)"},
     {"symmetric", py_symmetric, METH_VARARGS, "symmetric(level, count, n, matrix, values, vectors)"},
-    {"magnus", py_magnus, METH_VARARGS,
-     "magnus(level, count, m, coefficients, length, first, last, points, period, matrix, scale)"},
     {"eigenvalues", py_eigenvalues, METH_VARARGS, "eigenvalues(level, count, m, first, last, matrix, values)"},
     {"follow", py_follow, METH_VARARGS,
      "follow((size, width, meshes, functions, cells, order, degree, known, busiest, most_at_once, fine, most_halvings), "

@@ -27,7 +27,7 @@ from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fast
 from gearstab.floquet.boundaries.gyroscopic import search as gyroscopic
 from gearstab.floquet.boundaries.parts import Part
 from gearstab.floquet.general.canonical import CanonicalPeriods
-from gearstab.floquet.general.solve import SLIVER, varying
+from gearstab.floquet.general.stepped import cut, distinct, varying
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
 from gearstab.floquet.kernel.damped import Generators
@@ -85,28 +85,14 @@ class PeriodicPart:
 
     def steps(self, scheme: Scheme, doublings: int) -> tuple[Array, Array]:
         """How long each segment lasts ``(r, S)``, and all functions in it ``(r, S, J)``."""
-        index, edges, lengths = self.part.pattern.rows, self.plan.edges, self.plan.lengths
-        # What rounding leaves between jumps that agree is too short for a proof.
-        kept = np.where(lengths > SLIVER, lengths, 0.0)[index]
-        fractions, values = [], []
-        for s in np.flatnonzero(kept.max(axis=0) > 0):
-            count = 2**doublings if self.varies[s] else 1
-            nodes, mixture, durations = scheme.nodes, scheme.mixture, scheme.durations
-            if not self.varies[s]:
-                nodes, mixture, durations = np.array([0.5]), np.ones((1, 1)), np.ones(1)
-            offsets = ((np.arange(count)[:, None] + nodes) / count).ravel()
-            f = self.plan.values(edges[:, s, None] + lengths[:, s, None] * offsets)[index]
-            f = f.reshape(len(index), count, len(nodes), f.shape[-1])
-            values.append(np.einsum("ik,rckj->rcij", mixture, f).reshape(len(index), -1, f.shape[-1]))
-            fractions.append(kept[:, s, None] * np.tile(durations / count, count))
-        return np.concatenate(fractions, axis=1), np.concatenate(values, axis=1)
+        counts = np.where(self.varies, 2**doublings, 1)
+        return cut(self.plan.subset(self.part.pattern.rows), self.varies, counts, scheme)
 
     def generators(self, values: Array) -> tuple[Generators, Array]:
         """Generators of distinct states in units of the rates, and the state of each segment; values: ``(r, S, J)``."""
-        table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
-        _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
+        states, first = distinct(values)
         form = FirstOrder.joined([row.form for row in self.rows])
-        return Generators.of(form, values[:, first]), np.ravel(states)
+        return Generators.of(form, values[:, first]), states
 
     def _linked(self, fractions: Array, values: Array, rounding: float) -> Chain:
         """values: ``(r, S, J)``, of all functions in each segment."""

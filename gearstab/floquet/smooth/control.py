@@ -238,6 +238,8 @@ def rectangles(chosen: Array) -> Iterator[tuple[Array, Array, Array]]:
     Rows with fewer points than others repeat one of theirs; rows of very different numbers come apart.
     """
     columns = chosen.any(axis=0)
+    if not columns.any():
+        return
     if chosen[:, columns].all():
         points = np.broadcast_to(np.flatnonzero(columns), (len(chosen), int(columns.sum())))
         yield np.arange(len(chosen)), points, np.ones(points.shape, dtype=bool)

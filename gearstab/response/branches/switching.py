@@ -20,8 +20,9 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import qr
 
-from gearstab.response.branches.continuation import BRANCHING, DOUBLING, FOLD, Curve, Point, StepLimits
+from gearstab.response.branches.continuation import BRANCHING, DOUBLING, FOLD, Curve, StepLimits
 from gearstab.response.branches.motions import GRAZING, Branch, BranchMotion
+from gearstab.response.branches.points import Point
 from gearstab.response.branches.sections import SectionMap
 from gearstab.system import Array
 

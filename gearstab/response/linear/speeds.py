@@ -132,7 +132,7 @@ class _MeshMeter:
         self.rough += np.moveaxis(piece.mean(values**2, COARSE), 1, 0)
 
     def found(self, static: Array) -> tuple[Array, Array]:
-        """Return the measures ``(9, K, meshes)``, the last two the forces of the last two factors, and flags ``(K,)``."""
+        """Return the measures ``(9, K, meshes)``, the last two of the forces of the last two factors, and flags."""
         assert self.origin is not None
         low, high = self.low, self.high
         variance = np.maximum(self.second - self.first**2, 0.0)

@@ -13,7 +13,7 @@ from gearstab.config import Axis, Config
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.methods import Key
 from gearstab.results.chunks import decode, encode
-from gearstab.results.display import FACTOR, OPERATING_RANGE, SPEEDS, typed
+from gearstab.results.display import ASIDE, CYCLES, FACTOR, FREQUENCY, OPERATING_RANGE, SPEEDS, typed
 from gearstab.results.guard import SWEEP
 from gearstab.results.output import Look
 from gearstab.results.provenance import modes_group, root_attributes
@@ -33,12 +33,18 @@ from gearstab.system import Array
 def result_tree(store: Store, said: Mapping[str, str]) -> ResultTree:
     """The whole result of a plan of which all is finished; ``said``: what its root says besides."""
     plan = store.plan
-    axes = [with_range(field, plan.config) for axis in plan.config.axes for field in axis_fields(axis)]
-    root = Group(tuple(axes), root_attributes(SWEEP, plan.config) | dict(said))
+    axes = {axis.name: _fields(axis, plan.config) for axis in plan.config.axes}
+    # Motions along branches have a mesh frequency each, and groups inherit no axis of that name.
+    varies = any(v.name == FREQUENCY for layout in plan.layouts for v in layout.method.variables())
+    named = {FREQUENCY} & {*axes} if varies else set()
+    own = {name: fields if name in named else fields[1:] for name, fields in axes.items()}
+    inherited = [
+        _aside(field) if field.variable.name in named else field for fields in axes.values() for field in fields
+    ]
+    root = Group(tuple(inherited), root_attributes(SWEEP, plan.config) | dict(said))
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
-        names = set(layout.dims)
-        beside = [field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis)[1:]]
+        beside = [field for name in axes if name in layout.dims for field in own[name]]
         groups[layout.method.name] = _method_group(store, layout, beside)
     if plan.teeth is not None:
         groups[teeth.NAME] = teeth.group(plan.teeth)
@@ -64,17 +70,32 @@ def axis_fields(axis: Axis) -> list[Field]:
     return fields
 
 
+def _fields(axis: Axis, config: Config) -> list[Field]:
+    """The coordinates of an axis, with the ranges of operation."""
+    return [with_range(field, config) for field in axis_fields(axis)]
+
+
+def _aside(field: Field) -> Field:
+    """The coordinate of an axis as one along another dimension."""
+    return replace(field, variable=replace(field.variable, dims=(ASIDE,)))
+
+
 def with_range(field: Field, config: Config) -> Field:
-    """Return an axis of speeds with the operating ranges that the section ``design`` gives, any other as it is."""
+    """Return an axis of speeds with the cycles in a turn of the input, where they are the same everywhere, and the
+    operating ranges that the section ``design`` gives; any other axis as it is.
+    """
     name = field.variable.name
-    if config.design is None or name not in SPEEDS:
+    if name not in SPEEDS:
         return field
-    cycles = float(config.system.cycles_of_input() or 1.0)
-    ends = []
-    for item in config.design.ranges:
-        factor = 1.0 if item.of == name else cycles if item.of == INPUT_SPEED else 1 / cycles
-        ends += [item.low * factor, item.high * factor]
-    attributes = {**field.variable.attributes, OPERATING_RANGE: ends}
+    cycles, attributes = config.system.cycles_of_input(), dict(field.variable.attributes)
+    if cycles is not None and not any("teeth" in item.path for axis in config.axes for item in axis.assignments):
+        attributes[CYCLES] = float(cycles)
+    if config.design is not None:
+        ends = []
+        for item in config.design.ranges:
+            factor = 1.0 if item.of == name else cycles or 1.0 if item.of == INPUT_SPEED else 1 / (cycles or 1.0)
+            ends += [item.low * float(factor), item.high * float(factor)]
+        attributes[OPERATING_RANGE] = ends
     return replace(field, variable=replace(field.variable, attributes=attributes))
 
 
@@ -82,12 +103,9 @@ def _method_group(store: Store, layout: Layout, beside: list[Field]) -> Group:
     plan, parts = store.plan, {block.key: store.blocks[block.key] for block in layout.blocks()}
     tongues = layout.method.unite(part.tongues for part in parts.values())
     values = {**tongue_coordinates(tongues), **layout.method.constants()}
-    axes, fields = {axis.name for axis in plan.config.axes}, []
+    fields = []
     for variable in in_units_of(plan.base, layout.method.variables()):
         resolved = variable.over(layout.dims, layout.dims)
-        if resolved.name in axes:
-            # As a coordinate of its own it stands before the axis of that name, which groups inherit.
-            resolved = replace(resolved, coordinate=True)
         if variable.coordinate:
             if variable.name in values:
                 fields.append(Field(resolved, values[variable.name]))

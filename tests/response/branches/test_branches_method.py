@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -26,6 +27,7 @@ from gearstab.info import result
 from gearstab.info.jumps import jumps
 from gearstab.results import open_result
 from gearstab.results.display import in_display_units
+from gearstab.results.export import export
 from gearstab.results.read import branches_of
 from gearstab.sweep import plan, run
 from gearstab.sweep.compute import compute
@@ -98,6 +100,43 @@ def test_the_result_holds_the_branches_of_every_system(tree: xr.DataTree) -> Non
     # The whole branch is one: ends at both ends of the range.
     status = row["status"].values[there]
     assert (status[0] & 1, status[-1] & 1) == (1, 1)
+
+
+def test_branches_are_cut_with_xarray_beside_other_groups(tmp_path: Path) -> None:
+    """The axis of the sweep and the mesh frequencies of motions have one name: neither is in the other's way."""
+    methods = "  branches: {start: [linear], at: [1.3], points: 20}\n  floquet: {}\n"
+    head = SYSTEM + "sweep: {mesh_frequency: {start: 1.2, stop: 1.4, num: 3}}\nmethods:\n"
+    out = tmp_path / "two.h5"
+    run(plan(load(configured(tmp_path, head + methods))), out, jobs=1)
+    with xr.open_datatree(out, engine="h5netcdf") as found:
+        data = found["branches"].to_dataset()
+        first = data.isel(branch=0, point=slice(0, 2))["mesh_frequency"]
+        assert first.dims == ("point",)
+        assert float(first[0]) == 1.2
+        assert found["branches"].isel(branch=0)["stable"].dims == ("point",)
+        floquet = found["floquet"].to_dataset().sel(mesh_frequency=1.3, method="nearest")
+        assert int(floquet["stable"]) == 1
+        np.testing.assert_allclose(found["mesh_frequency"], [1.2, 1.3, 1.4])
+        _, artists = plots.draw(found, "branches")
+        assert artists["lines"]
+        assert plots.draw(found, "curve")[1]
+
+
+def test_a_table_has_a_row_for_every_motion(swept: Path, tree: xr.DataTree, tmp_path: Path) -> None:
+    data = branches_of(tree)
+    table = tmp_path / "table.csv"
+    rows, (note,) = export(swept, table, io.BytesIO())
+    read = np.genfromtxt(table, delimiter=",", names=True, deletechars="")
+    motions = data["stable"].values >= 0
+    assert rows == len(read) == np.count_nonzero(motions)
+    np.testing.assert_array_equal(read["mesh_frequency"], data["mesh_frequency"].values[motions])
+    assert set(read["branch"]) == {0}
+    assert "multipliers_real, multipliers_imag" in note
+    rows, _ = export(swept, table, io.BytesIO(), over="branch,point,multiplier", select={"branch": "0"})
+    read = np.genfromtxt(table, delimiter=",", names=True, deletechars="")
+    assert rows == 2 * np.count_nonzero(motions)
+    own = read["multipliers_real"] + 1j * read["multipliers_imag"]
+    np.testing.assert_array_equal(own, data["multipliers"].values[motions].ravel())
 
 
 def test_a_killed_run_goes_on_where_it_was(tree: xr.DataTree, tmp_path: Path) -> None:
