@@ -13,6 +13,8 @@ from gearstab.cli.terminal.console import say
 from gearstab.errors import FAILED, ResultError
 
 FRACTION = click.FloatRange(min=0)
+SHOWN = 5
+"""Names of files that are listed."""
 
 
 @click.command(name="diff", short_help="Compare two results, or two folders of them.")
@@ -45,9 +47,7 @@ def command(first: Path, second: Path, tolerance: float, edges: float, verdicts:
         told |= alone | {"results": found}
         differ = {name: own for name, own in found.items() if not own["same"]}
         texts = [report(own, (str(first / name), str(second / name)), tolerances) for name, own in differ.items()]
-        texts += [
-            f"only in the {key.removeprefix('only_')}: {', '.join(names)}" for key, names in alone.items() if names
-        ]
+        texts += [f"only in the {key.removeprefix('only_')}: {_listed(names)}" for key, names in alone.items() if names]
         texts.append(f"{len(common):,} results in both, {len(differ):,} of them different")
     else:
         told = compared(first, second)
@@ -66,3 +66,9 @@ def _names(first: Path, second: Path) -> tuple[list[str], dict[str, list[str]]]:
     if not old & new:
         raise ResultError(f"{first} and {second}: no result (.h5) has the same name in both folders")
     return sorted(old & new), {"only_first": sorted(old - new), "only_second": sorted(new - old)}
+
+
+def _listed(names: list[str]) -> str:
+    """Return the first names, and how many there are."""
+    more = f", ... ({len(names):,} in all)" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more

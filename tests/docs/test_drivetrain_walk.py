@@ -23,6 +23,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow  # half a minute; a reducer goes the same way in test_walks.py
 def test_the_walk_from_the_drawing_to_the_report(folder: Path) -> None:
     for line in COMMANDS:
         done = ran(*shlex.split(line)[1:])
