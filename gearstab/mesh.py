@@ -1,4 +1,4 @@
-"""What varies or acts periodically: tooth meshes, further terms of K(t) and C(t), and forces.
+"""Periodic parts of a system: tooth meshes, further terms of K(t) and C(t), and forces.
 
 They are the parts of :class:`gearstab.system.GearSystem`, whose equation says what each does.
 """

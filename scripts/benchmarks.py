@@ -71,7 +71,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """What the table says."""
+        """Verdict in the words of the table."""
         if self.agrees:
             return "agrees" if self.expected else "agrees, though said to differ"
         return f"differs: {self.differs}" if self.differs else "DIFFERS"

@@ -38,6 +38,27 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
         "": ("--kind", "campbell", "--select", "damping_ratio=0", "--size", "double"),
         "_damping": ("--kind", "campbell"),
     },
+    **{
+        f"drivetrains/{name}": {
+            "": (),
+            "_campbell": (
+                "--kind",
+                "campbell",
+                "--size",
+                "double",
+                "--select",
+                select,
+                "--title",
+                f"{title}, modes and mesh orders",
+            ),
+        }
+        for name, select, title in (
+            ("ev_reducer", "gears.helix_angle=4 deg", "Helical reducer of an electric car"),
+            ("grc_750kw", "damping_factor=0.1", "GRC 750 kW gearbox"),
+            ("helicopter", "damping_ratio=0.01", "Planetary stage of a helicopter"),
+            ("nrel_5mw", "damping_factor=1", "NREL 5 MW gearbox"),
+        )
+    },
     "spinning/planetary": {"": (), "_campbell": ("--kind", "campbell", "--size", "double")},
     "spinning/rotor": {"": (), "_campbell": ("--kind", "campbell", "--size", "double")},
     "lin_parker_2002/fig8a": {"": POINT_A},
@@ -79,7 +100,7 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
         "": ("--kind", "curve", "--variable", "transmission_error_first_harmonic"),
     },
 }
-"""What ``gearstab plot`` is told where its choice is not the figure wanted: by configuration and ending of the name."""
+"""Options of ``gearstab plot`` where its choice is not the figure wanted: by configuration and ending of the name."""
 
 
 @dataclass(frozen=True)

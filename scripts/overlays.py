@@ -24,7 +24,7 @@ from gearstab.systems.gearbox.train import Train
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 SMALLEST_LINE = 0.02
-"""Of a spectrum, relative to its largest line."""
+"""Smallest line of a spectrum that counts, relative to its largest line."""
 MARKERS = ("o", "s", "D")
 
 

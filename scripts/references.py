@@ -1,4 +1,4 @@
-"""What is stored of a figure, and when a result still agrees with it.
+"""Stored values of figures, and when a result still agrees with them.
 
 Of every variable of a result: its shape, how many values are finite, their mean, and a sample of its cells; of flags
 how often each value occurs; of texts a sample. The mean sees a change anywhere, the cells say where. Of every picture:
@@ -36,7 +36,7 @@ MAIN = ("floquet/growth_rate", "boundaries/boundary_frequency")
 DIGITS = 9
 BLOCKS = (24, 32)
 BLOCK_DIFFERENCE, MEAN_DIFFERENCE = 16, 1.0
-"""Of 255, in one block and on average: a line of text that is missing or a region of another size is more."""
+"""Largest differences, of 255, in one block and on average: a missing line of text or another region is more."""
 
 Reference = dict[str, Any]
 
@@ -108,7 +108,7 @@ TOLERANCES: tuple[tuple[str, Tolerance], ...] = (
 
 
 def tolerance(name: str) -> Tolerance:
-    """That of a variable, ``group/name``."""
+    """Tolerance of a variable, ``group/name``."""
     return next(found for pattern, found in TOLERANCES if fnmatch(name, pattern))
 
 
@@ -125,7 +125,7 @@ def rounded(value: float) -> float | None:
 
 
 def entry(values: np.ndarray, cells: int = CELLS) -> Reference:
-    """What is stored of a variable."""
+    """Return the entry that is stored of a variable."""
     flat = values.ravel()
     kept = positions(flat.size, cells)
     if flat.dtype.kind in "iub":
@@ -144,7 +144,7 @@ def entry(values: np.ndarray, cells: int = CELLS) -> Reference:
 
 
 def of_result(path: Path) -> dict[str, Reference]:
-    """What is stored of a result, by group and variable."""
+    """Entries that are stored of a result, by group and variable."""
     found = {}
     with xr.open_datatree(path, engine="h5netcdf") as tree:
         for group in tree.groups:

@@ -50,7 +50,7 @@ def row(statement: Statement) -> str:
 
 
 def part(paper: Paper, runs: Runs) -> str:
-    """What is said of one paper."""
+    """Part of the page about one paper."""
     found = {title: [s for check in checks for s in check(runs)] for title, checks in paper.sections.items()}
     count = Counter(s.agrees for statements in found.values() for s in statements)
     text = [
@@ -68,7 +68,7 @@ def part(paper: Paper, runs: Runs) -> str:
 
 
 def parts(papers: Iterable[str]) -> str:
-    """What is said of some papers."""
+    """Parts of the page about some papers."""
     with TemporaryDirectory() as folder:
         runs = Runs(Path(folder))
         return "".join(part(PAPERS[name], runs) for name in papers)

@@ -1,4 +1,4 @@
-"""What a reproduction table is made of: statements, the sweeps behind them, and how to read those."""
+"""Statements of a reproduction table, the sweeps behind them, and how to read those."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import xarray as xr
 
 from gearstab.config import load
 from gearstab.floquet.boundaries import BOUNDARY_FLAGS
-from gearstab.respond import respond
+from gearstab.response.command import respond
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
 
@@ -157,7 +157,7 @@ def width(values: xr.DataArray) -> xr.DataArray:
 
 
 def overlap(tree: xr.DataTree, label: str) -> xr.DataArray:
-    """What a region by first order and by Floquet theory have in common, over what either covers."""
+    """Common part of a region by first order and by Floquet theory, over what either covers."""
     first, exact = predicted(tree, label), edges(tree, label)
     lower, upper = first.clip(min=exact), first.clip(max=exact)
     both = xr.concat([lower.isel(side=0, drop=True), upper.isel(side=1, drop=True)], first["side"])

@@ -49,7 +49,7 @@ def sweep(
 
 def said_of(config: Config) -> dict[str, str]:
     """Return what a result says of its origin; the file of a configuration is relative to the current folder."""
-    from gearstab.sweep.storage.earlier import origin
+    from gearstab.sweep.storage.previous import origin
 
     said = origin(config, Path("result.h5"))
     return said if config.source.is_file() else {"config_overrides": said["config_overrides"]}
@@ -60,7 +60,7 @@ def respond(config: Source) -> xr.DataTree:
 
     config: as in :func:`gearstab.load`, with the section ``respond``. Raises ConfigError.
     """
-    from gearstab.respond import computed
+    from gearstab.response.command import computed
     from gearstab.results.read import from_bytes
     from gearstab.results.write import image
 

@@ -1,4 +1,4 @@
-"""What a point of a system costs whose matrices act with speeds of rotation, beside products of exponentials."""
+"""Cost of a point of a system whose matrices act with speeds of rotation, compared with products of exponentials."""
 
 from __future__ import annotations
 
@@ -16,24 +16,32 @@ from gearstab.system import Array, GearSystem
 
 POINTS, PRODUCTS = 1 << 15, 500
 """Mesh frequencies at which the product is timed, and products of exponentials, which take a hundred times as long."""
+SMOOTH_POINTS = 1 << 11
+"""Mesh frequencies where waves are smooth, whose points take Magnus steps."""
 RUNS = 5
-"""Of which the median counts."""
+"""Number of runs; their median counts."""
 
 
 @dataclass(frozen=True)
 class TurningCost:
-    """Processor time per point, in seconds; difference: the largest one of ln max |lambda| over a common period."""
+    """Processor time per point, in seconds; difference: the largest one of ln max |lambda| over a common period.
+
+    products: None where waves are smooth, of which there are no products; difference then is the error estimate.
+    """
 
     speeds: str
     seconds: float
-    products: float
+    products: float | None
     difference: float
 
     def text(self) -> str:
         """Return the line that bench prints."""
+        points = f"{self.speeds}: {1 / self.seconds:,.0f} points/s"
+        if self.products is None:
+            return f"{points}; multipliers are right to {self.difference:.1e}"
         return (
-            f"{self.speeds}: {1 / self.seconds:,.0f} points/s, {self.products / self.seconds:.0f} times as many as by "
-            f"products of expm with eigenvalues; growths differ by up to {self.difference:.1e}"
+            f"{points}, {self.products / self.seconds:.0f} times as many as by products of expm with eigenvalues; "
+            f"growths differ by up to {self.difference:.1e}"
         )
 
 
@@ -56,6 +64,11 @@ def turning_costs(system: GearSystem, low: float, high: float) -> list[TurningCo
 
 
 def _cost(name: str, system: GearSystem, low: float, high: float) -> TurningCost:
+    if not system.piecewise_constant:
+        many = np.linspace(low, high, SMOOTH_POINTS)
+        error = solve(system, many).error_estimate
+        assert error is not None
+        return TurningCost(name, _median(lambda: solve(system, many)) / SMOOTH_POINTS, None, float(error.max()))
     few = np.linspace(low, high, PRODUCTS)
     ours = solve(system, few).growth_rate[0] * 2 * np.pi * float(system.common_period()[0]) / few
     theirs = exponential_products(system, few)

@@ -23,13 +23,13 @@ FIRST = 0.01
 REACH = np.array([0.5, 1.0, 1.6, 2.4, 3.6, 6.0, 10.0, 17.0])
 """How far beyond they may reach, as parts of that."""
 SHORTER, LONGER = 0.4, 0.55
-"""That distance after a piece that is not proved, as part of its own, and after one that is, of the length of that."""
+"""Factors on the next distance: of a piece that was not proved, and of the length of one that was."""
 LEAST = 0.05
 """Part of the definiteness in the middle that must be left at the ends: the verifier needs some for its balls."""
 WIDE = 1e6
 """Ratio of multipliers above which the modes of the mean system serve as coordinates."""
 CONDITION = 1e8
-"""Of eigenvectors up to which exponentials are made of them."""
+"""Largest condition of eigenvectors from which exponentials are made."""
 CIRCLE = 1e-9
 """Growth over a period that is rounding."""
 WITHIN = 0.25

@@ -61,7 +61,7 @@ def _alike(fractions: Array) -> Array:
 
 
 def _speed_terms(system: GearSystem) -> tuple[list[tuple[bool, Array]], tuple[Array, Array, Array] | None]:
-    """What acts with speeds: where they are held, whether on q' and its matrices ``(rows, n, n)``; where they follow,
+    """Terms that act with speeds: if held, whether on q' and their matrices ``(rows, n, n)``; where they follow,
     those of Omega G q' + (Omega H + Omega^2 K) q, None where nothing does. Raises ValueError.
     """
     held, n = [], system.size

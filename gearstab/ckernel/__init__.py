@@ -152,15 +152,6 @@ def light_modes(squared: Array, shapes: Array, damping: Array) -> tuple[Array, A
     return values, vectors, inverse, found.astype(bool)
 
 
-def magnus_steps(coefficients: Array, length: Array, period: Array, matrix: Array, scale: Array) -> tuple[Array, Array]:
-    """Return what :func:`gearstab.propagation.products.propagated` does."""
-    given = [np.ascontiguousarray(values, dtype=float) for values in (coefficients, length, period)]
-    found, taken = np.array(matrix, dtype=float, order="C"), np.array(scale, dtype=float)
-    points = len(found)
-    library.magnus(simd(), len(given[1]), found.shape[-1], *given[:2], 0, points, points, given[2], found, taken)
-    return found, taken
-
-
 def eigenvalues(matrix: Array) -> Array:
     """Eigenvalues ``(P, m)``, complex, of matrices ``(P, m, m)`` of entries of about one; NaN of one not finite."""
     given = np.ascontiguousarray(matrix, dtype=float)

@@ -50,13 +50,6 @@ struct damped {
     const struct limits *limits; /* of verdicts where multipliers are inverse in pairs, as those of gyroscopic systems, else NULL */
 };
 
-/* Steps of a linear system x' = A(t) x of dimension m, each of which is exp(W), see magnus.h. */
-struct steps {
-    int64_t count, m;
-    const double *coefficients; /* (count, 5, m, m), of h, h^2, ..., h^5 in W */
-    const double *length;       /* (count,), h as a part of the period */
-};
-
 /* What the search for Lyapunov functions goes by: the names are those of gearstab/floquet/kernel/lyapunov.py. */
 struct lyapunov {
     double part, longest, pieces, rounding, largest, least, negligible;
@@ -197,10 +190,6 @@ struct level {
        m): what damping takes from the square of the length. */
     int (*radii)(const struct damped *pattern, const double *weight, const struct lyapunov *settings, int64_t first,
                  int64_t last, const int64_t *row, const double *cycle, const double *growth, double *radius);
-    /* Points first..last-1: matrix (points, m, m), on entry what the steps begin with, on return what they end with, divided
-       by exp of what is added to scale (points,). */
-    int (*magnus)(const struct steps *steps, int64_t first, int64_t last, const double *period, double *matrix,
-                  double *scale);
     /* Matrices first..last-1 of (count, m, m), of entries of about one: eigenvalues (count, m, 2), NaN where they are not
        found or a matrix is not finite. */
     int (*eigenvalues)(int64_t first, int64_t last, int64_t m, const double *matrix, double *values);

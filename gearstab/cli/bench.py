@@ -104,7 +104,7 @@ def _scene(loaded: Config, system: GearSystem) -> Scene:
         )
     values = [float(value) for value in axis.values]
     takes = {Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING}
-    if system.rotations and system.piecewise_constant:
+    if system.rotations:
         takes = {Feature.ROTATION, Feature.UNSYMMETRIC_DAMPING}
     if refused := unsupported(system, takes):
         apart = (i for i, mesh in enumerate(system.meshes) if isinstance(mesh.frequency_ratio, float))

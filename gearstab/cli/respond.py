@@ -25,7 +25,7 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
     """Compute the response that the section `respond` of CONFIG describes and write it to a file."""
     from gearstab.cli.terminal.errors import warn
     from gearstab.config import load
-    from gearstab.respond import respond
+    from gearstab.response.command import respond
     from gearstab.results.guard import RESPOND, result_of
     from gearstab.results.output import prepare
 

@@ -37,12 +37,14 @@ def from_ross(
         where the stiffness is constant there. Further entries need ``direction`` (one number per coordinate) and
         ``mean_stiffness``.
     modes: how many of the lowest modes to keep, default all; ``note`` of the result says what that neglects.
-    speed: of the (driving) rotor, rad/s, at which bearings are taken and which gyroscopic effects go with. These, and
-        what is antisymmetric in the bearings, become ``terms`` of the system.
+    speed: of the (driving) rotor, rad/s, at which bearings are taken and which gyroscopic effects go with, as
+        ``rotation`` of the system, an entry for each shaft. What is antisymmetric in the bearings becomes ``terms``.
+        Coefficients over speed are interpolated, which ``note`` says.
     speed_ratio: of the (driving) rotor to the first mesh, exact, ``"1/37"`` of a gear of 37 teeth: then gyroscopic
-        effects follow the mesh frequency, as ``rotation`` of the system; bearings stay those at ``speed``.
+        effects follow the mesh frequency; bearings stay those at ``speed``.
 
-    Raises NotPossible where the meshes do not fit the rotor, or its coupling is no spring along one direction.
+    Raises NotPossible where the meshes do not fit the rotor, its coupling is no spring along one direction, or a
+    bearing has coefficients over other speeds only.
     """
     known = []
     stiffness = dense(rotor.K(speed))
@@ -55,17 +57,66 @@ def from_ross(
     for entry in entries:
         if entry.get("frequency_ratio", 1) is None:
             raise NotPossible(f"nothing says how fast mesh '{entry['name']}' turns", "give frequency_ratio, exact")
-    damping, gyroscopic = dense(rotor.C(speed)), dense(rotor.G())
+    shafts = list(_shafts(rotor))
+    note = _bearings(shafts, speed, speed_ratio is not None)
     nodes = range(len(stiffness) // len(LETTERS))
     more: dict[str, Any] = {
         "coordinates": [f"{letter}{node}" for node in nodes for letter in LETTERS],
         "coordinate_units": ["m", "m", "m", "rad", "rad", "rad"] * len(nodes),
     }
+    if speed_ratio is not None or speed:
+        more["rotation"] = _rotation(shafts, speed, speed_ratio)
+    found = model(dense(rotor.M(speed)), stiffness, dense(rotor.C(speed)), entries, modes, **more)
+    found.note = "; ".join(filter(None, (found.note, note)))
+    return found
+
+
+def _shafts(rotor: Any) -> Iterator[tuple[Any, Fraction, Array]]:
+    """(each shaft, its speed over that of the driving one, its gyroscopic matrix ``(n, n)``)."""
+    if not hasattr(rotor, "mesh"):
+        yield rotor, Fraction(1), dense(rotor.G())
+        return
+    driving, driven = (list(_shafts(rotor.rotors[name])) for name in ("driving", "driven"))
+    size, mesh = driving[0][2].shape[0], rotor.mesh
+    whole = size + driven[0][2].shape[0]
+    ratio = Fraction(int(mesh.driving_gear.n_teeth), int(mesh.driven_gear.n_teeth))
+    for part, factor, begin in ((driving, Fraction(1), 0), (driven, -ratio, size)):
+        for shaft, speed, own in part:
+            matrix = np.zeros((whole, whole))
+            matrix[begin : begin + len(own), begin : begin + len(own)] = own
+            yield shaft, factor * speed, matrix
+
+
+def _rotation(
+    shafts: Sequence[tuple[Any, Fraction, Array]], speed: float, speed_ratio: Fraction | str | None
+) -> list[dict[str, Any]]:
+    """The section ``rotation``, an entry for each shaft."""
     if speed_ratio is None:
-        damping = damping + speed * gyroscopic
-    else:
-        more["rotation"] = [{"speed_ratio": speed_ratio, "gyroscopic": gyroscopic}]
-    return model(dense(rotor.M(speed)), stiffness, damping, entries, modes, **more)
+        return [{"speed": float(own) * speed, "gyroscopic": matrix} for _, own, matrix in shafts]
+    first = Fraction(speed_ratio)
+    return [{"speed_ratio": str(first * own), "gyroscopic": matrix} for _, own, matrix in shafts]
+
+
+def _bearings(shafts: Sequence[tuple[Any, Fraction, Array]], speed: float, follows: bool) -> str:
+    """Return a note on bearings whose coefficients go with the speed; "" without any. Raises NotPossible."""
+    named = []
+    for shaft, ratio, _ in shafts:
+        own = abs(float(ratio)) * speed
+        for bearing in shaft.bearing_elements:
+            table = np.ravel(np.asarray(0.0 if bearing.frequency is None else bearing.frequency, dtype=float))
+            if len(table) < 2:
+                continue
+            name = f"{bearing.tag or 'a bearing'} at node {bearing.n}"
+            if not table.min() <= own <= table.max():
+                raise NotPossible(
+                    f"{name} has coefficients from {table.min():g} to {table.max():g} rad/s, and its shaft turns at "
+                    f"{own:g} rad/s", "give speed, of the driving rotor, so that it lies in there",
+                )  # fmt: skip
+            named.append(f"{name} at {own:g} rad/s")
+    if not named:
+        return ""
+    stays = ", and stay so at every mesh frequency" if follows else ""
+    return f"coefficients over speed are interpolated: {', '.join(named)}{stays}"
 
 
 def _geared(rotor: Any) -> Iterator[Any]:

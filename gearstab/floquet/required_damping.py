@@ -1,6 +1,7 @@
 """How much damping makes a system stable: the damping at which the growth rate falls to zero, point by point.
 
-With C = z C1, C1 either the damping of equal modal damping ratios of one or the damping that was given,
+With C = z C1, C1 either the damping of equal modal damping ratios of one, in the modes of the mean system at rest, or
+the damping that was given,
 
     growth(z) = max Re (characteristic exponents) = 0
 
@@ -15,23 +16,14 @@ level was stable too are marked. In a primary tongue of first order, Omega = 2 w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.kernel import c_kernel as kernel
-from gearstab.floquet.kernel import damped
-from gearstab.floquet.segments.blocks import Block, split
-from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.dispatch import in_modes
+from gearstab.floquet.growth_by_damping import DAMPING_RATIO, FACTOR, GrowthByDamping, growths
 from gearstab.floquet.segments.reduction import reduce
-from gearstab.floquet.smooth.schemes import CF6_5
-from gearstab.floquet.smooth.solve import periods, within
-from gearstab.floquet.smooth.steps import Division
-from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
-from gearstab.modal import modal_damping_matrix
-from gearstab.support import ONLY_MESHES, require
+from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.system import Array, GearSystem
 
 FLAGS = {"not_monotone": 1, "beyond": 2, "failed": 4, "rigid_body": 8}
@@ -39,21 +31,12 @@ FLAGS = {"not_monotone": 1, "beyond": 2, "failed": 4, "rigid_body": 8}
 required; no finite growth rate; the damping that the system has makes a rigid-body mode grow, which no damping ratio of
 the elastic modes can prevent."""
 
-DAMPING_RATIO, FACTOR = "damping_ratio", "factor"
 LARGEST = {DAMPING_RATIO: 0.5, FACTOR: 100.0}
 """Where the search ends by default."""
 LEVELS = 11
 """Damping levels that are tried besides zero: the lowest is a thousandth of the largest."""
 ROUNDS = 100
 """Steps of the root finding at most; every third one halves the bracket."""
-POINTS_AT_ONCE = 4096
-"""Points of the root finding treated side by side."""
-RESOLVED = 1e-8
-"""Error of the growth per period, where it is propagated in Magnus steps."""
-MOST_HALVINGS = 6
-"""Most halvings of the Magnus steps."""
-ROWS_AT_ONCE = 32
-"""Rows that Magnus steps are made of side by side."""
 
 
 @dataclass(frozen=True)
@@ -77,26 +60,27 @@ def required_damping(
 
     Parameters
     ----------
-    system: any batch shape, with a common period and without periodic terms beside the mesh stiffness.
+    system: any batch shape, with a common period.
     mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``.
     of: ``damping_ratio``: one ratio for all modes of the mean system, in place of the damping that it has; ``factor``:
-        on that damping.
+        on that damping, the symmetric part of C and of terms along one direction. What is skew, friction, and what acts
+        with a speed of rotation, rotating damping included, stay as they are.
     largest: damping at which the search ends.
     tolerance: of the value, relative. It is rounded up, so that the growth there is no larger than its rounding error.
 
-    Raises ValueError for a factor on no damping, and where more than the mesh stiffness varies.
+    Raises ValueError for a factor on no damping, NotPossible where there is no common period.
     """
-    require(system, ONLY_MESHES, "required damping")
     omega = system.operating_points(mesh_frequency)
     value, status = np.zeros(omega.shape), np.zeros(omega.shape, dtype=np.int16)
     levels = np.append(0.0, (largest or LARGEST[of]) * 0.5 ** np.arange(LEVELS - 1, -1, -1))
-    for block in _blocks(unit(system, of), omega, levels[1]):
-        index = block.pattern.rows
-        search = _Search(block, omega[index])
-        found, flags = search.zeros(levels, tolerance)
+    for by_damping in growths(system, of, omega, levels[1]):
+        index = by_damping.rows
+        found, flags = _Search(by_damping).zeros(levels, tolerance)
         # NaN, nothing found, prevails.
         value[index] = np.maximum(value[index], found)
         status[index] |= flags
+    if not in_modes(system):
+        return RequiredDamping(value, status)
     driven = _driven(system)
     status[driven] |= FLAGS["rigid_body"]
     if of == DAMPING_RATIO:
@@ -112,59 +96,15 @@ def _driven(system: GearSystem) -> Array:
     return result
 
 
-def _blocks(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
-    """The blocks of a system, Magnus steps being short enough for its growth at a level of damping."""
-    for pattern, division in periods(system, ROWS_AT_ONCE):
-        for block in split(pattern):
-            if block.pattern.size == 0:
-                continue
-            if division is None or block.constant:
-                yield block
-            else:
-                yield replace(block, pattern=_resolved(within(division, block.pattern), omega, level))
-
-
-def _resolved(division: Division, omega: Array, level: float) -> Pattern:
-    """A division in steps of which half as long ones change no growth per period by more than RESOLVED."""
-    own = omega[division.rows] / division.elastic.rate[:, None]
-    factor = np.full(len(division.rows), level)
-    pattern = division.pattern(CF6_5, 0)
-    growth = growth_of(scaled(pattern, factor), own)
-    for resolution in range(2, 2 * MOST_HALVINGS + 1, 2):
-        before = growth
-        pattern = division.pattern(CF6_5, resolution)
-        growth = growth_of(scaled(pattern, factor), own)
-        # Steps of order six: the finer ones are 64 times as good as the difference tells.
-        if np.all(np.abs(growth - before) <= 64 * RESOLVED):
-            break
-    return pattern
-
-
-def unit(system: GearSystem, of: str) -> GearSystem:
-    """The system with the damping C1 that is scaled. Raises ValueError."""
-    if of == DAMPING_RATIO:
-        one = np.ones((*system.batch, 1))
-        return replace(system, damping=modal_damping_matrix(system.mass, system.mean_stiffness_matrix(), one))
-    if not system.damped:
-        raise ValueError("a factor on the damping needs a system with damping")
-    return system
-
-
 @dataclass(frozen=True)
 class _Search:
-    """A block with the damping C1, and its mesh frequencies ``(r, P)`` in the system's units."""
+    """Rows whose growth is known over the damping."""
 
-    block: Block
-    mesh_frequency: Array
-
-    @cached_property
-    def omega(self) -> Array:
-        """The mesh frequencies in the block's units."""
-        return np.asarray(self.mesh_frequency / self.block.pattern.elastic.rate[:, None])
+    by_damping: GrowthByDamping
 
     def zeros(self, levels: Array, tolerance: float) -> tuple[Array, Array]:
         """(largest zero, status) ``(r, P)`` from ascending levels of which the first is zero."""
-        growth = np.stack([self.growth_at(level) for level in levels])
+        growth = np.stack([self.by_damping.at_level(level) for level in levels])
         unstable = growth > 0
         count = len(levels)
         last = count - 1 - np.argmax(unstable[::-1], axis=0)
@@ -175,28 +115,16 @@ class _Search:
         status[failed] |= FLAGS["failed"]
         value = np.where(beyond | failed, np.nan, 0.0)
         rows, points = np.nonzero((last >= 0) & ~beyond & ~failed)
-        for i in range(0, len(rows), POINTS_AT_ONCE):
-            row, point = rows[i : i + POINTS_AT_ONCE], points[i : i + POINTS_AT_ONCE]
+        step = self.by_damping.at_once
+        for i in range(0, len(rows), step):
+            row, point = rows[i : i + step], points[i : i + step]
             low = last[row, point]
             ends = np.stack([levels[low], levels[low + 1]])
             values = np.stack([growth[low, row, point], growth[low + 1, row, point]])
             # The kernel rounds the growth at a zero either way: half of the tolerance is kept for that.
-            found = self.refined(row, self.omega[row, point], ends, values, 0.5 * tolerance)
+            found = self.refined(row, self.by_damping.omega[row, point], ends, values, 0.5 * tolerance)
             value[row, point] = np.minimum(found * (1 + 0.5 * tolerance), levels[low + 1])
         return value, status
-
-    def growth_at(self, level: float) -> Array:
-        """Growth a period ``(r, P)`` of all points with one level of damping, positive where unstable."""
-        pattern = self.block.pattern
-        still = level == 0
-        own = pattern.without_damping() if still else scaled(pattern, np.full(len(pattern.rows), level))
-        if not still and not self.block.constant:
-            growth = growth_of(own, self.omega)
-        else:
-            part = OperatingPoints(own, self.mesh_frequency)
-            found = solved(part, replace(self.block, pattern=own), False)
-            growth = found.growth_rate * part.period / pattern.elastic.rate[:, None]
-        return growth if still else np.maximum(growth, level * pattern.elastic.rigid_growth[:, None])
 
     def refined(self, row: Array, omega: Array, ends: Array, values: Array, tolerance: float) -> Array:
         """Return the zeros ``(N,)`` of points in brackets ``(2, N)`` of values > 0 and <= 0: their last stable ends.
@@ -216,7 +144,7 @@ class _Search:
             # A zero at an end of the bracket is approached from inside, by half of what is left to gain.
             margin = 0.5 * tolerance * b
             x = np.clip(x, a + margin, b - margin)
-            f = growth_of(scaled(self.block.pattern.subset(row[active]), x), omega[active, None])[:, 0] + floor[active]
+            f = self.by_damping.at_points(row[active], omega[active], x) + floor[active]
             above = f > 0
             # An end that stays twice running counts half, so that the secant crosses over to it.
             stays = side[active] == np.where(above, 1, -1)
@@ -225,18 +153,3 @@ class _Search:
             low[active], high[active] = np.where(above, x, a), np.where(above, b, x)
             side[active] = np.where(above, 1, -1)
         return high
-
-
-def scaled(pattern: Pattern, factor: Array) -> Pattern:
-    """The pattern with its damping times ``(r,)``, uniform damping as a matrix like any other."""
-    pattern, times = pattern.unshifted(), factor[:, None, None]
-    elastic = pattern.elastic
-    drag = {"damping": times * elastic.damping_matrix, "rigid_damping": times * elastic.rigid_damping}
-    return replace(pattern, elastic=replace(elastic, **drag))
-
-
-def growth_of(pattern: Pattern, omega: Array) -> Array:
-    """Growth a period ``(r, P)``, positive where unstable."""
-    generator = damped.generators(pattern)
-    growth: Array = kernel.scan_damped(pattern, generator, omega)[0]
-    return growth - DAMPED_ON_CIRCLE

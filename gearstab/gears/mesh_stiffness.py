@@ -5,6 +5,7 @@ Phase 0 is the entry of a pair of teeth: floor(c) + 1 pairs carry for the fracti
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Literal
@@ -205,6 +206,19 @@ def single_stiffness(pair: Pair, s: Array, model: StiffnessModel) -> Array:
     return k if measured is None else k * (measured / pair_stiffness(pair, pair.pitch_point, model.foundation))
 
 
+def resolved(edges: Array, values: Callable[[Array], Sequence[Array]]) -> list[Piecewise]:
+    """Return polynomials on the pieces that begin at edges, ``(B,)``, through functions of the phases ``(B, P)``.
+
+    All have one degree, high enough for each of them, or the highest.
+    """
+    for degree in DEGREES:
+        curves = [through(edges, found) for found in values(nodes(edges, degree))]
+        sizes = [np.max(np.abs(curve.coefficients), axis=0) for curve in curves]
+        if all(len(size) <= degree or np.max(size[-2:]) < RESOLVED * np.max(size) for size in sizes):
+            break
+    return curves
+
+
 @lru_cache(maxsize=4096)
 def mesh_stiffness(pair: Pair, model: StiffnessModel = PLAIN) -> MeshStiffness:
     """The mesh stiffness of a pair over its cycle, along the transverse line of action.
@@ -216,11 +230,7 @@ def mesh_stiffness(pair: Pair, model: StiffnessModel = PLAIN) -> MeshStiffness:
     if pair.total_contact_ratio < 1:
         raise NotPossible(f"contact breaks off: contact ratio {pair.total_contact_ratio:.4f}")
     edges = np.array([0.0, stiff_fraction(c)])
-    for degree in DEGREES:
-        curve = through(edges, np.sum(contact_stiffness(pair, nodes(edges, degree), model)[1], axis=-1))
-        size = np.max(np.abs(curve.coefficients), axis=0)
-        if len(size) <= degree or np.max(size[-2:]) < RESOLVED * np.max(size):
-            break
+    (curve,) = resolved(edges, lambda x: (np.sum(contact_stiffness(pair, x, model)[1], axis=-1),))
     mesh = MeshStiffness(pair, model, curve)
     if model.variation is not None and not mesh.extremes[0] > 0:
         raise NotPossible(f"variation {model.variation} takes the mesh stiffness down to {mesh.extremes[0]:.4g} N/m")

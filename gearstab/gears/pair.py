@@ -23,7 +23,7 @@ LEAST_CLEARANCE = 0.1  # modules, between a tip and the root of its mate
 ROUNDING = 1e-9  # relative to the module: below it a limit counts as met
 
 CENTRE = 'change centre_distance, with its unit ("160 mm"), or the teeth'
-"""What to do about gears at a wrong distance."""
+"""Remedy for gears at a wrong distance."""
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,8 @@
-"""Profile relief: stiffness and static transmission error of a loaded mesh whose pairs of teeth have gaps.
+"""Profile relief: the material taken off the flanks, and what a mesh whose pairs of teeth have gaps is under load.
 
-A pair of teeth j has the gap e_j along the line of action and carries k_j (delta - e_j) once the approach delta of the
-gears closes it. Under the normal force F
-
-    F = sum_j k_j max(delta - e_j, 0),
-
-which is exact with gaps sorted: of the n smallest, delta = (F + sum k_j e_j)/sum k_j, n the first with
-delta <= e_(n+1). delta over the mesh cycle is the static transmission error. Small vibration about this state has the
-tangent stiffness k_T = dF/d delta, the sum of k_j in contact, and not the secant F/delta: N = F + k_T (q - delta).
+delta over the mesh cycle, the approach of the gears under a constant normal force F, is the static transmission error.
+Small vibration about this state has the tangent stiffness k_T = dF/d delta, that of all contact there is, and not the
+secant F/delta: N = F + k_T (q - delta). Gaps and forces count along the (transverse) line of action.
 
 Limits: pairs deflect independently of each other, and touch on the path of contact of rigid teeth only.
 
@@ -17,29 +12,28 @@ for the tangent stiffness; the rest is derived here.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from gearstab.errors import NotPossible
 from gearstab.gears.mesh_stiffness import DEGREES, RESOLVED, MeshStiffness, StiffnessModel, single_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.waveforms import Profile
-from gearstab.waveforms.phase import stiff_fraction, wrapped
-from gearstab.waveforms.tooth import Piecewise, Tooth, nodes, through
+from gearstab.waveforms.phase import wrapped
+from gearstab.waveforms.tooth import Piecewise, Tooth
 
 Array = np.ndarray
 
 SCAN = 65
 """Points of a piece of the mesh cycle at which changes of contact are looked for: a contact that comes and goes within
 one step is missed."""
-HALVINGS = 52
-"""Of a step of the scan, down to rounding."""
+SECTIONS, ROUNDS = 8, 16
+"""Parts that a step of the scan is cut into, again and again, down to rounding: arrays cost less than rounds."""
 APART = 1e-10
-"""Of a cycle: edges closer than this are one."""
+"""Part of a cycle: edges closer than this are one."""
 
 
 @dataclass(frozen=True)
@@ -88,23 +82,6 @@ class Relief:
 NO_RELIEF = Relief()
 
 
-def equilibrium(stiffness: Array, gap: Array, force: float) -> tuple[Array, Array]:
-    """Return delta ``(...)`` and which pairs carry ``(..., N)`` under a normal force.
-
-    stiffness: ``(..., N)``, k_j, 0 of pairs out of contact. gap: ``(..., N)``, e_j. force: F > 0, N.
-    """
-    lost = np.where(stiffness > 0, gap, np.inf)
-    order = np.argsort(lost, axis=-1)
-    e, k = (np.take_along_axis(part, order, axis=-1) for part in (lost, stiffness))
-    total = np.cumsum(k, axis=-1)
-    closing = np.cumsum(np.where(k > 0, k * np.where(k > 0, e, 0.0), 0.0), axis=-1)
-    approach = (force + closing) / total
-    following = np.concatenate([e[..., 1:], np.full((*e.shape[:-1], 1), np.inf)], axis=-1)
-    first = np.argmax(approach <= following, axis=-1)[..., None]
-    delta = np.take_along_axis(approach, first, axis=-1)
-    return delta[..., 0], lost < delta
-
-
 @dataclass(frozen=True)
 class LoadedMesh(MeshStiffness):
     """The tangent stiffness of a mesh under load, with the static transmission error.
@@ -112,40 +89,12 @@ class LoadedMesh(MeshStiffness):
     Parameters
     ----------
     relief, force: what it was computed for; F in N.
-    error: delta(x), m, on the pieces of the stiffness.
-    carrying: ``(B,)``, pairs in contact on each piece.
+    error: delta(x), m.
     """
 
     relief: Relief
     force: float
     error: Piecewise
-    carrying: Array
-
-    @property
-    def contact_ratio(self) -> float:
-        """The mean number of pairs that carry, which grows with the load."""
-        return float(np.sum(self.curve.lengths * self.carrying))
-
-    @property
-    def start(self) -> float:
-        """The phase from which on more pairs than the fewest carry: the middle of that stretch less half of it."""
-        more = self.carrying > int(self.contact_ratio)
-        if not more.any():
-            return 0.0
-        edges = np.append(self.curve.edges, 1.0)
-        turned = np.diff(np.exp(2j * np.pi * edges))[more].sum() / 2j
-        start = np.angle(turned) / (2 * np.pi) - 0.5 * stiff_fraction(self.contact_ratio)
-        return float(wrapped(np.round(start, 15)))
-
-    @property
-    def levels(self) -> tuple[float, float]:
-        more = self.carrying > int(self.contact_ratio)
-        lengths, means = self.curve.lengths, self.curve.means
-        low, high = (
-            float(np.sum((lengths * means)[part]) / lengths[part].sum()) if lengths[part].sum() > 0 else float("nan")
-            for part in (~more, more)
-        )
-        return low, high
 
     @cached_property
     def waveform(self) -> Tooth:
@@ -169,7 +118,7 @@ class LoadedMesh(MeshStiffness):
 
 
 @lru_cache(maxsize=1024)
-def _single_curve(pair: Pair, model: StiffnessModel) -> Array:
+def single_curve(pair: Pair, model: StiffnessModel) -> Array:
     """Chebyshev coefficients of the stiffness of a pair along its path of contact, -1 to 1."""
     first, last = pair.path
     for degree in DEGREES:
@@ -181,98 +130,37 @@ def _single_curve(pair: Pair, model: StiffnessModel) -> Array:
     return found
 
 
-@dataclass(frozen=True)
-class _Pairs:
-    """The pairs of teeth of a mesh: stiffness and gap at phases of its cycle."""
+def crossings(begin: Array, above: Callable[[Array, Array], Array]) -> Array:
+    """Return the phases at which any of M conditions begins or ceases to hold.
 
-    pair: Pair
-    model: StiffnessModel
-    relief: Relief
-    force: float
-
-    def at(self, x: Array, touching: Array | None = None) -> tuple[Array, Array, Array]:
-        """k_j, e_j, and which pairs may touch, ``(..., N)`` each. touching: known from elsewhere."""
-        s, known = self.pair.contacts(x)
-        touching = known if touching is None else touching
-        first, last = self.pair.path
-        s = np.clip(s, first, last)
-        k = chebyshev.chebval(2 * (s - first) / (last - first) - 1, _single_curve(self.pair, self.model))
-        return np.where(touching, k, 0.0), self.relief.gap(self.pair, s), touching
-
-    def opening(self, x: Array, touching: Array) -> Array:
-        """e_j - delta ``(..., N)``, of which a change of sign is a change of contact."""
-        k, e, _ = self.at(x, touching)
-        delta, _ = equilibrium(k, e, self.force)
-        return np.where(touching, e - delta[..., None], 1.0)
-
-    def edges(self) -> Array:
-        """``(B,)``, phases where a pair enters or leaves, a relief begins, or the contact of a pair changes."""
-        known = [0.0, float(stiff_fraction(self.pair.contact_ratio))]
-        known += [self.pair.phase(end + way * item.length) for item, end, way in self.relief.at_ends(self.pair)]
-        begin = _distinct(known)
-        after = np.append(begin[1:], 1.0)
-        x = begin[:, None] + (after - begin)[:, None] * np.linspace(0.0, 1.0, SCAN)
-        touching = self.pair.contacts(0.5 * (begin + after))[1]
-        open_ = self.opening(x, touching[:, None]) > 0
-        piece, step, of = np.nonzero(open_[:, 1:] != open_[:, :-1])
-        changes = self._changes(x[piece, step], x[piece, step + 1], of, touching[piece])
-        return _distinct([*begin, *changes])
-
-    def _changes(self, low: Array, high: Array, of: Array, touching: Array) -> Array:
-        """Phases between low and high at which the pairs ``of`` begin or cease to carry."""
-        index = np.arange(len(of))
-        begin = self.opening(low, touching)[index, of] > 0
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            same = (self.opening(middle, touching)[index, of] > 0) == begin
-            low, high = np.where(same, middle, low), np.where(same, high, middle)
-        return np.asarray(0.5 * (low + high))
+    begin: ``(B,)``, where pieces of the cycle begin, the first at 0. above: takes phases and the pieces they lie in, of
+    one shape ``(...)``, and returns ``(..., M)``. Those that begin and cease within a step of the scan are missed.
+    """
+    ends = np.append(begin[1:], 1.0)
+    pieces = np.arange(len(begin))
+    x = begin[:, None] + (ends - begin)[:, None] * np.linspace(0.0, 1.0, SCAN)
+    holds = above(x, np.broadcast_to(pieces[:, None], x.shape))
+    piece, step, of = np.nonzero(holds[:, 1:] != holds[:, :-1])
+    low, high, first = x[piece, step], x[piece, step + 1], holds[piece, step, of]
+    row, parts = np.arange(len(of)), np.arange(SECTIONS + 1) / SECTIONS
+    for _ in range(ROUNDS if len(of) else 0):
+        x = low[:, None] + (high - low)[:, None] * parts
+        holds = above(x, np.broadcast_to(piece[:, None], x.shape))[row, :, of]
+        changed = np.maximum(np.argmax(holds != first[:, None], axis=1), 1)
+        low, high = x[row, changed - 1], x[row, changed]
+    return np.asarray(0.5 * (low + high))
 
 
-def _distinct(phases: Sequence[float]) -> Array:
+def distinct(phases: Sequence[float]) -> Array:
     """Phases in [0, 1) in order, those that are one but for rounding left out, 0 the first."""
     ordered = np.unique(wrapped(np.asarray([0.0, *phases])))
     ordered = ordered[ordered < 1 - APART]
     return np.asarray(ordered[np.diff(ordered, prepend=-1.0) > APART])
 
 
-def loaded_mesh(pair: Pair, model: StiffnessModel, relief: Relief, force: float) -> LoadedMesh:
-    """Tangent stiffness and static transmission error of a mesh with relief under a normal force, along the line of
-    action.
-
-    force: F > 0, N. Raises NotPossible for a force that is not positive, a contact ratio below 1, helical teeth, and a
-    model in which pairs influence each other or the stiffness is stretched: the gaps need the stiffness of each pair.
-    """
-    if model.double_contact_factor != 1 or model.variation is not None:
-        key = "double_contact_factor" if model.double_contact_factor != 1 else "variation"
-        raise NotPossible("relief needs the stiffness of each pair of teeth by itself", f"remove {key} or relief")
-    if pair.overlap_ratio:
-        raise NotPossible("relief of helical teeth is not computed", "remove relief")
-    if pair.contact_ratio < 1:
-        raise NotPossible(f"contact breaks off: contact ratio {pair.contact_ratio:.4f}")
-    if not force > 0:
-        raise NotPossible(f"relief needs a positive force on the teeth, not {force:.6g} N", "give a torque")
-    teeth = _Pairs(pair, model, relief, force)
-    edges = teeth.edges()
-    middles = 0.5 * (edges + np.append(edges[1:], 1.0))
-    k, e, touching = teeth.at(middles)
-    _, carrying = equilibrium(k, e, force)
-    for degree in DEGREES:
-        x = nodes(edges, degree)
-        k, e, _ = teeth.at(x, touching[:, None])
-        k = np.where(carrying[:, None], k, 0.0)
-        total = k.sum(axis=-1)
-        error = (force + np.sum(k * e, axis=-1)) / total
-        curves = [through(edges, values) for values in (total, error)]
-        sizes = [np.max(np.abs(curve.coefficients), axis=0) for curve in curves]
-        if all(len(size) <= degree or np.max(size[-2:]) < RESOLVED * np.max(size) for size in sizes):
-            break
-    return LoadedMesh(pair, model, curves[0], relief, force, curves[1], np.sum(carrying, axis=-1))
-
-
 @dataclass(frozen=True)
 class ReliefForce:
-    """What relief takes off the force of a mesh, k(x) delta(x) - F: N = k q - (k delta - F); a :class:`Profile`.
+    """Force that relief takes off a mesh, k(x) delta(x) - F: N = k q - (k delta - F); a :class:`Profile`.
 
     stiffness: k at the phase x - start; error: delta; force: F ``(...)``.
     """

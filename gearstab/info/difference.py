@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearstab.info.outcome import pieces
+from gearstab.results.read import groups_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,7 +47,7 @@ def difference(old: xr.DataTree, new: xr.DataTree, tolerances: Tolerances) -> di
     that only one of them has, and edges that moved by more than the tolerance. variables: by group and name, the
     largest difference, over the largest magnitude.
     """
-    before, after = ({str(name): node.to_dataset() for name, node in tree.children.items()} for tree in (old, new))
+    before, after = groups_of(old), groups_of(new)
     structure = [f"group {name}: only in the {_which(name in before)}" for name in before.keys() ^ after.keys()]
     axes = _axes(old.to_dataset(), new.to_dataset())
     verdicts: dict[str, Any] = {}
@@ -158,7 +159,7 @@ def _variables(group: str, first: xr.Dataset, second: xr.Dataset) -> tuple[list[
         a, b = first[name], second[name]
         if a.dims != b.dims or a.shape != b.shape:
             lines.append(f"variable {where}: {dict(a.sizes)}, {dict(b.sizes)} in the second")
-        elif a.dtype.kind in "fiu":
+        elif a.dtype.kind in "fiuc":
             found[where] = _largest(a, b)
         elif not np.array_equal(a.values, b.values):
             lines.append(f"variable {where}: other texts")
@@ -169,7 +170,7 @@ def _largest(first: xr.DataArray, second: xr.DataArray) -> float | None:
     """The largest difference over the largest magnitude; None where one of them lacks a value that the other has."""
     far, size = 0.0, 0.0
     for part in pieces(first.shape):
-        a, b = (np.asarray(own[part].values, dtype=float) for own in (first, second))
+        a, b = (np.asarray(own[part].values, dtype=np.result_type(own.dtype, float)) for own in (first, second))
         if not np.array_equal(np.isnan(a), np.isnan(b)):
             return None
         with np.errstate(invalid="ignore"):

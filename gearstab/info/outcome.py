@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import operator
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import prod
@@ -16,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearstab.errors import RequestError
+from gearstab.results.read import groups_of
+from gearstab.results.variables.flags import Flags
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,6 +27,8 @@ AT_ONCE = 1 << 22
 """Points that are read together."""
 NEAR = ("failed", "near_boundary", "coarse")
 """Flags of doubt that no note of a sweep mentions."""
+NO_MOTION = "no_motion"
+"""Meaning of a value of ``stable`` where a branch has no further point."""
 
 
 def outcome(tree: xr.DataTree) -> dict[str, Any]:
@@ -35,7 +40,7 @@ def outcome(tree: xr.DataTree) -> dict[str, Any]:
     by ``boundaries``, with their edges for each value of the other axes, rad/s. proved: mean shares of the mesh
     frequencies. What the methods of the sweep do not tell is null.
     """
-    groups = {str(name): node.to_dataset() for name, node in tree.children.items()}
+    groups = groups_of(tree)
     found: dict[str, Any] = {"points": None, "unstable": None, "share_unstable": None, "failed": None, "worst": None}
     tells = sorted(groups.items(), key=lambda item: item[0] != "floquet")
     dataset = next((own for _, own in tells if "stable" in own.data_vars and "status" in own.data_vars), None)
@@ -43,7 +48,7 @@ def outcome(tree: xr.DataTree) -> dict[str, Any]:
         found |= _verdicts(dataset)
     flags = {name: counts for name, own in groups.items() if (counts := _flags(own)) is not None}
     doubt = None if dataset is None else _doubtful(dataset)
-    shares = None if doubt is None else {"points": doubt, "share": doubt / found["points"]}
+    shares = None if doubt is None else {"points": doubt, "share": doubt / max(1, found["points"])}
     regions = _regions(groups["boundaries"]) if "boundaries" in groups else None
     return found | {"flags": flags, "flagged": shares, "regions": regions, "proved": _proved(groups)}
 
@@ -66,18 +71,20 @@ def pieces(shape: tuple[int, ...]) -> Iterator[tuple[slice | int, ...]]:
 def _verdicts(dataset: xr.Dataset) -> dict[str, Any]:
     stable, growth = dataset["stable"], dataset.get("growth_rate")
     points, unstable, failed = stable.size, 0, 0
+    motions = NO_MOTION in str(stable.attrs.get("flag_meanings", "")).split()
     worst: dict[str, Any] | None = None
     for part in pieces(stable.shape):
         values = stable[part].values
-        unstable, failed = unstable + int(np.sum(values == 0)), failed + int(np.sum(values < 0))
+        unstable, lacking = unstable + int(np.sum(values == 0)), int(np.sum(values < 0))
+        # Branches have as many points as the longest; what is behind the end of another one is no failure.
+        points, failed = (points - lacking, failed) if motions else (points, failed + lacking)
         if growth is not None and np.isfinite(rates := growth[part].values).any():
             at = np.unravel_index(np.nanargmax(rates), rates.shape)
             best = growth[part].isel(dict(zip(growth[part].dims, at, strict=True)))
             if worst is None or float(best) > worst["growth_rate"]:
                 worst = {"growth_rate": float(best), "at": _place(best, stable.dims)}
-    return {
-        "points": points, "unstable": unstable, "share_unstable": unstable / points, "failed": failed, "worst": worst,
-    }  # fmt: skip
+    share = unstable / max(1, points)
+    return {"points": points, "unstable": unstable, "share_unstable": share, "failed": failed, "worst": worst}
 
 
 def _place(point: xr.DataArray, dims: tuple[Any, ...]) -> dict[str, Any]:
@@ -85,21 +92,14 @@ def _place(point: xr.DataArray, dims: tuple[Any, ...]) -> dict[str, Any]:
     return {str(dim): point[dim].values.item() for dim in dims if dim in point.coords}
 
 
-def _bits(status: xr.DataArray) -> dict[str, int]:
-    names = str(status.attrs.get("flag_meanings", "")).split()
-    return dict(zip(names, np.ravel(status.attrs.get("flag_masks", ())).tolist(), strict=False))
-
-
 def _flags(dataset: xr.Dataset) -> dict[str, int] | None:
     """How many values of ``status`` carry each flag, those that none carries left out."""
-    if "status" not in dataset.data_vars or not (bits := _bits(dataset["status"])):
+    if "status" not in dataset.data_vars or not (flags := Flags.of(dataset["status"].attrs)):
         return None
-    total = dict.fromkeys(bits, 0)
+    total: Counter[str] = Counter()
     for part in pieces(dataset["status"].shape):
-        values = dataset["status"][part].values
-        for name, bit in bits.items():
-            total[name] += int(np.count_nonzero(values & bit))
-    return {name: count for name, count in total.items() if count}
+        total.update(flags.counted(dataset["status"][part].values))
+    return {name: total[name] for name in flags if total[name]}
 
 
 def _doubtful(dataset: xr.Dataset) -> int:
@@ -107,7 +107,7 @@ def _doubtful(dataset: xr.Dataset) -> int:
     from gearstab.methods import METHODS
 
     noted = {name for method in METHODS.values() for name in method.flag_notes} | set(NEAR)
-    mask = sum(bit for name, bit in _bits(dataset["status"]).items() if name in noted)
+    mask = sum(bit for name, bit in Flags.of(dataset["status"].attrs).items() if name in noted)
     status = dataset["status"]
     return sum(int(np.count_nonzero(status[part].values & mask)) for part in pieces(status.shape))
 

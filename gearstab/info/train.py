@@ -145,7 +145,7 @@ def _mesh(train: Train, mesh: TrainMesh, force: float | None, speed: float | Non
 
 
 def _relief(mesh: TrainMesh) -> dict[str, float] | None:
-    """What the load makes of teeth with relief; None of others."""
+    """Effect of the load on teeth with relief; None of others."""
     if not mesh.teeth.relieved:
         return None
     (found, *_) = mesh.teeth.loaded

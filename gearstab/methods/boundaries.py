@@ -30,7 +30,7 @@ class BoundariesOptions(ModesOption):
     """Edges of all instability regions over the range of the mesh frequency, by root finding."""
 
     tolerance: Tolerance = 1e-10
-    """Of an edge, relative to the mesh frequency (1)."""
+    """Error of an edge, relative to the mesh frequency (1)."""
     width_floor: WidthFloor = 1e-6
     """Regions narrower than this, relative to the mesh frequency, may be left out (1)."""
     certificate: Flag = Field(default=False, title="certificates")

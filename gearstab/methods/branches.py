@@ -36,9 +36,9 @@ class BranchesOptions(Section):
     states: Annotated[int, Field(ge=1, le=1000), Whole] = 1
     """Random initial states at each value, with start: [random]."""
     seed: Annotated[int, Field(ge=0), Whole] = 0
-    """Of the random states."""
+    """Seed of the random states."""
     cycles: Annotated[float, Field(gt=0, le=1e6), Quantity()] = 200.0
-    """Of the first mesh, that a motion is given to settle (1)."""
+    """Periods of the first mesh that a motion is given to settle (1)."""
     period_doubling: Literal["mark", "follow"] = "mark"
     """Whether branches of twice the period that leave at period doublings are followed too."""
     branch_point: Literal["mark", "follow"] = "mark"

@@ -60,9 +60,9 @@ class LyapunovOptions(Section):
     cycles: Annotated[float, Field(ge=20, le=1e7), Quantity()] = 500
     """Length of the window in periods of the slowest mesh (1)."""
     confidence: Annotated[float, Field(gt=0.5, lt=1), Quantity()] = 0.95
-    """Of the interval of the growth rate (1)."""
+    """Confidence level of the interval of the growth rate (1)."""
     seed: Annotated[int, Field(ge=0, le=2**32), Whole] = 0
-    """Of the random part of the start vectors."""
+    """Seed of the random part of the start vectors."""
 
 
 class FloquetOptions(ModesOption):
@@ -73,7 +73,7 @@ class FloquetOptions(ModesOption):
     exponents: Flag = False
     """Store all characteristic exponents, not only the growth rate."""
     tolerance: Tolerance = 1e-9
-    """Of the multipliers, for waves that are not piecewise constant (1)."""
+    """Error of the multipliers, for waves that are not piecewise constant (1)."""
     block: Annotated[int | str, BeforeValidator(_deflection_type)] | None = None
     """Restrict the system to one type of mesh deflection, of a system with cyclic symmetry: T = 0, 1, 2, ... or its
     name; default all."""

@@ -80,9 +80,9 @@ class PassageOptions(Section):
     table: str | None = None
     """A CSV file with such a path, columns time and speed, in SI units or with a unit in brackets."""
     amplification: Annotated[float, Field(gt=1, le=1e12), Quantity()] = 10.0
-    """Of the amplitude that is admitted, for the slowest rate (1)."""
+    """Largest amplification that is admitted, for the slowest rate (1)."""
     tolerance: Tolerance = 1e-8
-    """Of the edges of the regions, relative to the mesh frequency (1)."""
+    """Error of the edges of the regions, relative to the mesh frequency (1)."""
     width_floor: WidthFloor = 1e-6
     """Regions narrower than this, relative to the mesh frequency, may be left out (1)."""
     regions: Flag = True

@@ -13,6 +13,7 @@ from gearstab.config.model.fields import Choice, Quantity, Section
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
 from gearstab.results.variables import REQUIRED_DAMPING, Variable, flagged
+from gearstab.support import ANY_LINEAR, WHIRLING
 from gearstab.system import Array, Feature
 
 if TYPE_CHECKING:
@@ -29,11 +30,11 @@ class RequiredDampingOptions(Section):
 
     of: Annotated[str, Choice("kind of damping", ("damping_ratio", "factor"))] = "damping_ratio"
     """damping_ratio: one modal damping ratio for all modes, in place of the damping given; factor: on the damping
-    given."""
+    given. What acts with a speed of rotation stays as it is."""
     largest: Annotated[float, Field(gt=0, le=1e6), Quantity()] | None = Field(default=None, title="largest damping")
     """Where the search ends (1); default a damping ratio of 0.5, or a factor of 100."""
     tolerance: Tolerance = 1e-6
-    """Of the required damping, relative (1)."""
+    """Relative error of the required damping (1)."""
     frequencies: Annotated[str, Choice("way", ("auto", "common_period", "per_mesh"))] = Field(
         default="auto", title="many mesh frequencies"
     )
@@ -47,8 +48,7 @@ class DampingAnalysis(Method):
     name = "required_damping"
     reused = True
     Options = RequiredDampingOptions
-    supports = frozenset({Feature.IRRATIONAL_RATIO})
-    remedies: ClassVar[Mapping[Feature, str]] = {Feature.PERIODIC_TERMS: "sweep the damping with floquet instead"}
+    supports = ANY_LINEAR | WHIRLING
     flag_notes: ClassVar[Mapping[str, str]] = {"beyond": "no damping up to `largest` suffices at {points}"}
 
     @cached_property
@@ -97,6 +97,8 @@ class DampingAnalysis(Method):
         except NotPossible:
             self.require((), {Feature.IRRATIONAL_RATIO: "choose per_mesh or auto"}, ("frequencies",))
             raise
-        if self.options.of == "factor" and not self.system.damped:
+        from gearstab.floquet.growth_by_damping import scalable
+
+        if self.options.of == "factor" and not scalable(self.system):
             remedy = "give the system damping, or choose of: damping_ratio"
             raise OptionError(("of",), "there is no damping to multiply", remedy)

@@ -29,7 +29,7 @@ class ResponseOptions(Section):
     samples_per_cycle: Annotated[int, Field(ge=8, le=100_000), Whole] = 100
     """Samples in a period of the first mesh, between which a polynomial gives the extremes."""
     tolerance: Tolerance = 1e-9
-    """Of the motion over a period, for waves that are not piecewise constant (1)."""
+    """Error of the motion over a period, for waves that are not piecewise constant (1)."""
     continuation: Annotated[str, Choice("direction", ("up", "down"))] | None = None
     """With backlash: up or down in the mesh frequency, every motion beginning where the one before led."""
     cycles: Annotated[float, Field(gt=0, le=1e6), Quantity()] | None = None

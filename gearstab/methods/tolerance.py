@@ -17,6 +17,7 @@ from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, Unc
 from gearstab.methods.boundaries import BoundaryAnalysis
 from gearstab.methods.floquet import Floquet, FloquetOptions
 from gearstab.results.variables import PROBABILITY, SOBOL, Variable, flagged
+from gearstab.results.variables.flags import Flags
 from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ class ToleranceOptions(Section):
     samples: Annotated[int, Field(ge=16, le=1_000_000), Whole] = 1024
     """Systems at every point; a few more where that evens out."""
     seed: Annotated[int, Field(ge=0, le=2**32), Whole] = 0
-    """Of the samples, which are the same at all points."""
+    """Seed of the samples, which are the same at all points."""
     correlation: list[CorrelationOptions] | None = None
     """Pairs that are not independent (a Gaussian copula)."""
     sobol: Flag = Field(default=True, title="Sobol indices")
@@ -99,7 +100,7 @@ class ToleranceOptions(Section):
     integrate_speed: Flag = False
     """Whether an uncertain mesh frequency is integrated between exact edges; then no Sobol indices."""
     tolerance: Tolerance = 1e-6
-    """Of the multipliers, for waves that are not piecewise constant (1)."""
+    """Error of the multipliers, for waves that are not piecewise constant (1)."""
 
 
 class ToleranceAnalysis(SampledMethod):
@@ -155,9 +156,7 @@ class ToleranceAnalysis(SampledMethod):
 
     def variables(self) -> tuple[Variable, ...]:
         status = next(variable for variable in self.inner.variables() if variable.name == "status")
-        said = status.attributes
-        flags = dict(zip(str(said["flag_meanings"]).split(), said["flag_masks"], strict=True))
-        return (*flagged(PROBABILITY, flags), *(SOBOL if self.indices else ()))
+        return (*flagged(PROBABILITY, Flags.of(status.attributes)), *(SOBOL if self.indices else ()))
 
     def constants(self) -> Mapping[str, Any]:
         return {"parameter": self.names} if self.indices else {}

@@ -30,9 +30,9 @@ class TongueProbabilityOptions(Section):
     samples: Annotated[int, Field(ge=16, le=1_000_000), Whole] = 256
     """Systems of which all regions are found; a few more for even numbers."""
     seed: Annotated[int, Field(ge=0, le=2**32), Whole] = 0
-    """Of the samples."""
+    """Seed of the samples."""
     tolerance: Tolerance = 1e-6
-    """Of the edges of the regions, relative to the mesh frequency (1)."""
+    """Error of the edges of the regions, relative to the mesh frequency (1)."""
     width_floor: WidthFloor = 1e-6
     """Regions narrower than this, relative to it, count as none (1)."""
     _parameters: int = PrivateAttr(default=0)

@@ -16,9 +16,9 @@ import numpy as np
 
 from gearstab.propagation.excitation import excitation
 from gearstab.propagation.first_order import bases
+from gearstab.propagation.magnus import product, scaled
 from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PROBES, PhaseEquation, divided
-from gearstab.propagation.products import product, scaled
 from gearstab.system import Array, GearSystem
 
 MOST = 4_000_000

@@ -41,11 +41,11 @@ EQUAL = 1e-8
 SPEEDS, LOWEST = 600, 1e-4
 """Mesh frequencies at which roots are looked for, and the lowest of them, as a part of the highest."""
 DOUBLINGS = 8
-"""Of the highest mesh frequency, where natural frequencies rise with it."""
+"""Doublings of the highest mesh frequency, where natural frequencies rise with it."""
 ROUNDS, CLOSE = 60, 1e-14
 """Steps towards a root at most, and how small the last one is, relatively."""
 ENTRIES_AT_ONCE = 2**21
-"""Of the matrices of roots that are treated together: 16 MB, and as much for their vectors."""
+"""Entries of the matrices of roots that are treated together: 16 MB, and as much for their vectors."""
 
 Wanted = tuple[ParametricExcitation, int, int, bool]
 """An excitation, two modes p <= q from 1, and whether their difference is meant."""
@@ -141,7 +141,7 @@ class MeanRow:
         sign = np.where([difference for *_, difference in wanted], -1.0, 1.0)
 
         def sums(w: Array, index: Array | slice) -> Array:
-            """Of frequencies ``(..., n)``; NaN of what does not oscillate."""
+            """Sums of frequencies ``(..., n)``; NaN where a mode does not oscillate."""
             one, other = (np.take_along_axis(w, np.atleast_1d(of[index])[..., None], axis=-1)[..., 0] for of in (q, p))
             return np.where((one > 0) & (other > 0), one + sign[index] * other, np.nan)
 

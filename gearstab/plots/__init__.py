@@ -14,6 +14,7 @@ from gearstab.plots.axes import distinct, refuse_empty
 from gearstab.plots.design import before_after, contour, pareto, tornado
 from gearstab.plots.drawing.style import style
 from gearstab.plots.kinds import Contents, Kind
+from gearstab.plots.levels import DECIBEL
 from gearstab.plots.maps import (
     boundaries,
     campbell,
@@ -74,11 +75,16 @@ def draw(
     wanted = request or Request(**options)
     if kind is None:
         wanted = replace(wanted, partial=True)
+    if DECIBEL in wanted.unit:
+        wanted = replace(wanted, unit=[unit for unit in wanted.unit if unit != DECIBEL], decibels=True)
     refuse_empty(tree)
     tree = in_display_units(distinct(tree), wanted.unit)
     name = kind or default_kind(tree, wanted)
     if name not in KINDS:
         raise PlotError(f"no kind {name!r}; the kinds: {listed(KINDS)}")
+    if wanted.decibels and not KINDS[name].decibels:
+        shown = listed(other for other, item in KINDS.items() if item.decibels)
+        raise PlotError(f"--unit {DECIBEL}: the kind {name} shows no amplitudes as levels; --kind: {shown}")
     with style(wanted.style):
         figure, artists = KINDS[name].draw(tree, wanted)
     if wanted.marks and "marks" not in artists:

@@ -254,10 +254,12 @@ def distinct(tree: xr.DataTree) -> xr.DataTree:
     """The result with the first of points of equal value along each axis: a figure has one place for all of them."""
     firsts = {
         str(name): np.sort(np.unique(axis.values, return_index=True)[1])
-        for name, axis in tree.to_dataset().coords.items()
+        for dataset in (tree.to_dataset(), *datasets(tree))
+        for name, axis in dataset.coords.items()
         if axis.dims == (name,) and axis.dtype.kind in "fiu"
     }
-    repeated = {name: first for name, first in firsts.items() if len(first) < tree.sizes[name]}
+    sizes = {name: size for node in tree.subtree for name, size in node.sizes.items()}
+    repeated = {name: first for name, first in firsts.items() if len(first) < sizes[name]}
     return tree.isel(repeated) if repeated else tree
 
 
@@ -287,7 +289,7 @@ def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> FigureAxi
     """
     for dataset in (tree.to_dataset(), *datasets(tree)):
         for name in SPEEDS:
-            if name in dataset.coords and dataset.coords[name].ndim == 1 and dataset.sizes[name] > 1:
+            if name in dataset.coords and dataset.coords[name].ndim == 1 and dataset.coords[name].size > 1:
                 stored = axis_of(dataset, name, meshes)
                 between = filled(stored.positions.min(), stored.positions.max())
                 return replace(stored, values=np.union1d(between, stored.positions))

@@ -101,9 +101,11 @@ class Kind:
 
     draw: gives the figure and its artists by name; raises PlotError where the result does not hold what it needs.
     suits: whether it is the figure for these contents, default none; of several kinds the last in the table is.
+    decibels: whether it can show amplitudes as levels.
     """
 
     name: str
     summary: str
     draw: Draw
     suits: Callable[[Contents], bool] = lambda contents: False
+    decibels: bool = False

@@ -87,6 +87,7 @@ class Request:
     levels: of contours, in a kind that draws some.
     ax: the frame to draw into, for kinds of figures with one frame; None for a figure of its own.
     marks: points of a map by name, (x, y) in units of its axes.
+    decibels: whether amplitudes are drawn as levels; ``unit`` says so with dB.
     style: see :func:`gearstab.plots.drawing.style.style`.
     """
 
@@ -103,6 +104,7 @@ class Request:
     ax: Axes | None = None
     marks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     style: str = ""
+    decibels: bool = False
 
     def wide(self, default: str = "single") -> bool:
         """Whether the figure is as wide as two columns of a journal; default: its size unless one is asked for."""

@@ -1,4 +1,4 @@
-"""Steps of the sixth-order Magnus expansion of x' = A(t) x, prepared once for all mesh frequencies.
+"""Steps of the sixth-order Magnus expansion of x' = A(t) x, prepared once for all mesh frequencies, and their products.
 
 With A_1, A_2, A_3 at the Gauss-Legendre nodes of a step h and a_1 = A_2, a_2 = sqrt(15)/3 (A_3 - A_1),
 a_3 = 10/3 (A_3 - 2 A_2 + A_1) the step is exp(W),
@@ -22,6 +22,7 @@ from math import factorial
 
 import numpy as np
 
+from gearstab import ckernel
 from gearstab.system import Array
 
 ORDER = 6
@@ -99,3 +100,28 @@ def _taylor(a: Array) -> Array:
         if start:
             total = total @ fourth
     return np.asarray(total)
+
+
+def eigenvalues(matrix: Array) -> Array:
+    """Return all eigenvalues ``(P, m)``, complex, of matrices of entries of about one; NaN where one is not finite."""
+    return ckernel.eigenvalues(matrix) if matrix.shape[-1] else np.empty(matrix.shape[:2], dtype=complex)
+
+
+def product(matrices: Array) -> tuple[Array, Array]:
+    """Return P ``(..., m, m)`` and s ``(...)``: exp(s) P is the last of ``(..., S, m, m)`` times .. times the first."""
+    scale = np.zeros(matrices.shape[:-3])
+    while matrices.shape[-3] > 1:
+        even = matrices.shape[-3] // 2 * 2
+        pairs = matrices[..., 1:even:2, :, :] @ matrices[..., 0:even:2, :, :]
+        matrices = np.concatenate([pairs, matrices[..., even:, :, :]], axis=-3)
+        size = np.abs(matrices).max(axis=(-2, -1), initial=1e-300)
+        if size.max() > 1e60 or size.min() < 1e-60:
+            matrices = matrices / size[..., None, None]
+            scale = scale + np.log(size).sum(axis=-1)
+    return matrices[..., 0, :, :], scale
+
+
+def scaled(matrix: Array) -> tuple[Array, float]:
+    """Return a matrix over its largest entry, and the logarithm of that."""
+    size = float(np.abs(matrix).max(initial=0.0))
+    return (matrix / size, float(np.log(size))) if size > 0 else (matrix, 0.0)

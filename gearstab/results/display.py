@@ -29,6 +29,8 @@ SPEEDS = (FREQUENCY, "input_speed")
 """Axes along which the mesh frequency varies."""
 FACTOR = "mesh_frequency_factor"
 """Attribute of an axis of SPEEDS: mesh frequency over its values."""
+CYCLES = "cycles_of_input"
+"""Attribute of an axis of SPEEDS, or of a response: cycles of the first mesh in a turn of the input shaft."""
 OPERATING_RANGE = "operating_range"
 """Attribute of an axis of SPEEDS: the lowest and the highest speed of each operating range, in the unit of the axis."""
 RATIOS = "frequency_ratios"
@@ -38,6 +40,9 @@ OF_MESH = (
     "proved_frequency", "certificate_frequency",
 )  # fmt: skip
 """Variables that are mesh frequencies, or distances of them."""
+ASIDE = "mesh_frequency_axis"
+"""Dimension of the axis mesh_frequency in the root where a group has a variable of that name: xarray would hand the
+axis down to the group as the index of what is none. Groups over the axis have it themselves."""
 SI = "SI"
 ORDER, ORDER_SCALE = "order", "order_scale"
 """The unit of frequencies over the speed of the input shaft, and the attribute that holds this speed."""
@@ -63,6 +68,11 @@ def with_orders(table: Sequence[Variable], shaft: float | None) -> tuple[Variabl
     return tuple(replace(v, attributes={**v.attributes, **said}) if v.name == SPECTRAL else v for v in table)
 
 
+def is_axis(item: xr.DataArray) -> bool:
+    """Return whether a coordinate is that of an axis, or of another dimension with numbers of its own."""
+    return item.dims in ((item.name,), (ASIDE,))
+
+
 def in_display_units(tree: xr.DataTree, wanted: Sequence[str] = ()) -> xr.DataTree:
     """Return the result with its coordinates in the units that were typed, or in those asked for.
 
@@ -83,7 +93,7 @@ def _chosen(groups: Mapping[str, xr.Dataset], wanted: Sequence[str]) -> dict[str
         str(name): item.attrs
         for data in groups.values()
         for name, item in data.coords.items()
-        if item.dims == (name,) and item.dtype.kind in "fiu"
+        if is_axis(item) and item.dtype.kind in "fiu"
     }
     found = {
         name: (str(attrs["display_units"]), float(attrs["display_scale"]))
@@ -137,7 +147,7 @@ def _shown(data: xr.Dataset, chosen: Mapping[str, tuple[str, float]]) -> xr.Data
     order = list(data.coords)
     for name, (unit, one) in chosen.items():
         # Branches have a mesh frequency of each motion under the name of the axis.
-        if name not in data.coords or data[name].dims != (name,):
+        if name not in data.coords or not is_axis(data[name]):
             continue
         own = data[name]
         attributes = {key: value for key, value in own.attrs.items() if not key.startswith("display_")}
@@ -153,6 +163,22 @@ def _shown(data: xr.Dataset, chosen: Mapping[str, tuple[str, float]]) -> xr.Data
             data = data.assign({name: (own.dims, shown_as(own.values, one), shown)})
     # In their order, which is that of the sweep and changes where one is assigned.
     return type(data)(data.data_vars, {name: data.coords[name] for name in order}, data.attrs)
+
+
+def in_speeds(tree: xr.DataTree, group: str) -> xr.Dataset:
+    """A group whose mesh frequencies are in the unit in which the axis that sets them is shown, or are input speeds."""
+    dataset = tree[group].to_dataset()
+    axis = next((tree[name] for name in SPEEDS if name in tree.coords and "si_units" in tree[name].attrs), None)
+    if axis is None:
+        return dataset
+    for name in OF_MESH:
+        if name in dataset:
+            data = dataset[name] / axis.attrs[FACTOR]
+            data.attrs = dataset[name].attrs | {key: axis.attrs[key] for key in ("units", "si_units")}
+            # In the place of the variable, under the name of what it is now.
+            new = name.replace("frequency", str(axis.name).removeprefix("mesh_"))
+            dataset = dataset.assign({name: data}).rename({name: new})
+    return dataset
 
 
 def shown_as(values: Array, one: float) -> Array:

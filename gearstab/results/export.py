@@ -9,14 +9,14 @@ import csv
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import product
+from itertools import compress, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gearstab.errors import ResultError, listed
-from gearstab.results.display import FACTOR, OF_MESH, SPEEDS, in_display_units, number_of
+from gearstab.results.display import OF_MESH, in_display_units, in_speeds, number_of
 from gearstab.results.output import FIGURES, OTHERS, RESULTS, Content, writing
 from gearstab.results.read import reading
 from gearstab.results.variables.names import every_variable
@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-PREFERRED = ("floquet", "boundaries", "perturbation", "uncoupled", "response", "bench", "modes")
+BRANCH, THERE = "branch", "stable"
+"""Dimension of groups that hold branches, and the variable that is -1 beyond the last motion of one."""
+PREFERRED = ("floquet", "boundaries", "perturbation", "uncoupled", "response", "branches", "bench", "modes")
 ROWS_AT_ONCE, BYTES_AT_ONCE = 1 << 15, 1 << 26
 """Rows of a table that are made text together, and that are read together."""
 
@@ -51,7 +53,8 @@ def export(
         TABLE.refuse(out, path)
     with reading(path) as tree:
         shown = in_display_units(tree, unit)
-        dataset, notes = selected(in_speeds(shown, chosen_group(shown, group, path)), select or {}, path)
+        whole = numbered(in_speeds(shown, chosen_group(shown, group, path)))
+        dataset, notes = selected(whole, select or {}, path)
         table = led_by(dataset, over, path)
         if out is None:
             rows = write_rows(table, stream)
@@ -62,20 +65,16 @@ def export(
         return rows, [*notes, *([missing] if missing else [])]
 
 
-def in_speeds(tree: xr.DataTree, group: str) -> xr.Dataset:
-    """A group whose mesh frequencies are in the unit in which the axis that sets them is shown, or are input speeds."""
-    dataset = tree[group].to_dataset()
-    axis = next((tree[name] for name in SPEEDS if name in tree.coords and "si_units" in tree[name].attrs), None)
-    if axis is None:
-        return dataset
-    for name in OF_MESH:
-        if name in dataset:
-            data = dataset[name] / axis.attrs[FACTOR]
-            data.attrs = dataset[name].attrs | {key: axis.attrs[key] for key in ("units", "si_units")}
-            # In the place of the variable, under the name of what it is now.
-            new = name.replace("frequency", str(axis.name).removeprefix("mesh_"))
-            dataset = dataset.assign({name: data}).rename({name: new})
-    return dataset
+def numbered(dataset: xr.Dataset) -> xr.Dataset:
+    """A group of real numbers whose rows can be told apart: complex variables as two, branches with their numbers."""
+    variables: dict[Any, xr.DataArray] = {}
+    for name, data in dataset.data_vars.items():
+        parts = {f"{name}_real": data.real, f"{name}_imag": data.imag} if data.dtype.kind == "c" else {name: data}
+        variables |= {own: part.assign_attrs(data.attrs) for own, part in parts.items()}
+    coords: dict[Any, Any] = dict(dataset.coords)
+    if BRANCH in dataset.dims and BRANCH not in coords:
+        coords = {BRANCH: np.arange(dataset.sizes[BRANCH])} | coords
+    return type(dataset)(variables, coords, dataset.attrs)
 
 
 def selected(dataset: xr.Dataset, select: Mapping[str, str], path: Path) -> tuple[xr.Dataset, list[str]]:
@@ -131,8 +130,12 @@ def write_rows(dataset: xr.Dataset, file: Any) -> int:
         rows = 0
         for part in pieces(dataset, dims):
             cells = [flat(part, dims, name) for name in columns]
-            writer.writerows(zip(*cells, strict=True))
-            rows += len(cells[0]) if cells else 0
+            lines = [*zip(*cells, strict=True)]
+            if BRANCH in dims and THERE in part:
+                # Branches have different numbers of motions.
+                lines = [*compress(lines, (motion >= 0 for motion in flat(part, dims, THERE)))]
+            writer.writerows(lines)
+            rows += len(lines)
         stream.flush()
     finally:
         # The file is closed by whoever opened it.

@@ -6,9 +6,9 @@ from functools import partial
 from pathlib import Path
 
 from gearstab.errors import ResultError
-from gearstab.hdf5 import holds
 from gearstab.results.output import FIGURES, OTHERS, TABLES, Content
 from gearstab.results.read import REMEDY, attributes, is_sealed
+from gearstab.results.seal import holds
 
 SWEEP, RESPOND, BENCH, DESIGN = "sweep", "respond", "bench", "design"
 """The commands that write results; a result names its own in the attribute ``command``."""

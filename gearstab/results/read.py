@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gearstab.errors import ResultError, UserError, one_line
-from gearstab.hdf5 import REFERENCE, endless, exceeds, overlong
 from gearstab.results.seal import intact
 from gearstab.results.tree import FORMAT, NO_VARIABLE
 
@@ -27,7 +26,6 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 REMEDY = "; compute it again or restore a copy"
 STILL = 2.0
 """Seconds: a file that changed so recently may change again, without another time stamp."""
-LONGER = "a text in it is longer than the file"
 MOST_COMPRESSED = 1100
 """No data are deflated by more: 1032 at best."""
 
@@ -94,41 +92,27 @@ def reading(path: str | Path) -> Iterator[xr.DataTree]:
 
 def is_sealed(path: str | Path) -> bool | None:
     """Return whether the seal of an HDF5 file fits, None without one. Raises ResultError for what is no such file."""
-    return _looked_at(path)[0]
-
-
-def refuse_damaged(path: str | Path) -> None:
-    """Raise ResultError for a file that is damaged, or no HDF5 file: before HDF5 opens it, which may never return."""
-    sealed, fault = _looked_at(path)
-    if sealed is False:
-        raise ResultError(f"{path}: is damaged, it does not match its checksum{REMEDY}")
-    if fault:
-        raise ResultError(f"{path}: is damaged, {fault}{REMEDY}")
-
-
-def _looked_at(path: str | Path) -> tuple[bool | None, str]:
-    """Whether a seal fits, and why HDF5 must not open the file, "" if it may; what lies still is looked at once."""
     _refuse_other_files(path)
     try:
         found = os.stat(path)
         changed = max(found.st_mtime, found.st_ctime)
         if time.time() - changed > STILL:
             return _seen(str(path), (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns))
-        return _look(path)
+        return intact(path)
     except OSError as error:
         raise ResultError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 @lru_cache(maxsize=16)
-def _seen(path: str, identity: tuple[int, ...]) -> tuple[bool | None, str]:
-    return _look(path)
+def _seen(path: str, identity: tuple[int, ...]) -> bool | None:
+    """Whether a seal fits: a file that lies still is read once."""
+    return intact(path)
 
 
-def _look(path: str | Path) -> tuple[bool | None, str]:
-    sealed = intact(path)
-    if sealed is False:
-        return sealed, ""
-    return sealed, "a list in it has no end" if endless(path) else LONGER if overlong(path) else ""
+def refuse_damaged(path: str | Path) -> None:
+    """Raise ResultError for a file that is damaged, or no HDF5 file: before HDF5 opens it, which may never return."""
+    if is_sealed(path) is False:
+        raise ResultError(f"{path}: is damaged, it does not match its checksum{REMEDY}")
 
 
 def _refuse_other_files(path: str | Path) -> None:
@@ -184,13 +168,12 @@ def _command(file: h5py.File) -> str:
 def refuse_hollow(path: str | Path) -> None:
     """Raise ResultError if a variable is declared far larger than what is stored of it, or consists of lists.
 
-    To read one would take memory that no value needs, terabytes perhaps, or the file has not, of texts. No result has
-    lists, but where the bytes of a type are damaged numbers are taken for some, and HDF5 crashes.
+    To read one would take memory that no value needs, terabytes perhaps. No result has lists, but where the bytes of a
+    type are damaged numbers are taken for some, and HDF5 crashes.
     """
     import h5py
 
     hollow: list[str] = []
-    size = os.path.getsize(path)
 
     def look(name: str, item: Any) -> None:
         if not isinstance(item, h5py.Dataset) or NO_VARIABLE in str(item.attrs.get("NAME", "")):
@@ -201,10 +184,6 @@ def refuse_hollow(path: str | Path) -> None:
         stored = item.id.get_storage_size()
         if declared > MOST_COMPRESSED * stored * _blocks(item):
             hollow.append(f"{name} declares {declared:.3g} bytes and holds {stored:.3g}")
-        text = item.id.get_type().detect_class(h5py.h5t.STRING) and item.id.get_type().is_variable_str()
-        place = item.id.get_offset() if text else None  # None of chunks, in which no result has texts
-        if place is not None and exceeds(path, place, stored // REFERENCE.itemsize, size):
-            hollow.append(f"{name}: {LONGER}")
 
     try:
         with h5py.File(path, "r", locking=False) as file:
@@ -222,11 +201,19 @@ def _blocks(item: h5py.Dataset) -> int:
     return max(1, prod(ceil(n / c) for n, c in zip(item.shape[1:], item.chunks[1:], strict=True)))
 
 
+def groups_of(tree: xr.DataTree) -> dict[str, xr.Dataset]:
+    """Return the groups of a result by name, each with the axes over which it stands."""
+    return {
+        str(name): branches_of(tree) if name == "branches" else node.to_dataset()
+        for name, node in tree.children.items()
+    }
+
+
 def branches_of(tree: xr.DataTree) -> xr.Dataset:
     """Return the group ``branches`` with the axes over which it stands, as a dataset that can be cut.
 
-    Its ``mesh_frequency`` has the name of an axis of the sweep, which groups inherit. Raises ResultError for one of an
-    older layout.
+    Where these are in memory, in one of a sweep that was read before, ``mesh_frequency`` is a coordinate. Raises
+    ResultError for one of an older layout.
     """
     own = tree.children["branches"].to_dataset(inherit=False)
     if "branch_frequency" in own or "kind" in own:

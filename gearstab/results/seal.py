@@ -52,3 +52,15 @@ def intact(path: str | Path) -> bool | None:
         file.seek(size)
         end = file.read(LENGTH)
         return end == seal_of(file, size) if end.startswith(MARK) else None
+
+
+def holds(path: str | Path, text: str) -> bool:
+    """Return whether a text is one of those in a file, told without HDF5. Raises OSError."""
+    octets = text.encode()
+    wanted, last = len(octets).to_bytes(8, "little") + octets, b""
+    with open(path, "rb", buffering=0) as file:
+        while piece := file.read(AT_ONCE):
+            if wanted in (found := last + piece):
+                return True
+            last = found[1 - len(wanted) :]
+    return False

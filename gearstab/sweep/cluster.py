@@ -25,7 +25,8 @@ import numpy as np
 from gearstab.errors import RequestError, SweepError
 from gearstab.results.chunks import LEVEL, compress
 from gearstab.sweep.compute import taken_over
-from gearstab.sweep.plan import GridBlock, Plan
+from gearstab.sweep.layout import GridBlock
+from gearstab.sweep.plan import Plan
 from gearstab.sweep.pool import ONE_THREAD, Executor, Failure, Result, attempt, interrupts_later
 from gearstab.sweep.reporter import Reporter
 from gearstab.sweep.storage.store import Store

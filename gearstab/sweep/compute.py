@@ -9,12 +9,13 @@ import numpy as np
 
 from gearstab.config import alike
 from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
-from gearstab.results.chunks import encode
-from gearstab.results.variables import GRID, ROWS, Variable
-from gearstab.sweep.plan import GridBlock, Layout, Plan
-from gearstab.sweep.sampled import run_sampled
+from gearstab.results.variables import GRID
+from gearstab.results.variables.flags import Flags
+from gearstab.sweep.layout import GridBlock, Layout
+from gearstab.sweep.plan import Plan
 from gearstab.sweep.storage.parts import FinishedBlock, places_of
 from gearstab.system import Array
+from gearstab.tolerance.design import correlated
 
 
 def compute(plan: Plan, block: GridBlock, taken: Outcome | None = None) -> FinishedBlock:
@@ -124,6 +125,31 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
     return layout.method.of(system).run(frequency)
 
 
+def run_sampled(plan: Plan, method: SampledMethod, rows: dict[str, Array], count: int, columns: Array) -> Outcome:
+    """Run a method on the samples of uncertain parameters of rows of one structure, a few rows at a time."""
+    uncertain = plan.config.uncertainties
+    if uncertain is None:
+        raise ValueError(f"{method.name} needs distributions of parameters")
+    points = correlated(method.design.points, uncertain.correlation)
+    outcomes = []
+    for part in method.portions(count, len(columns)):
+        size = part.stop - part.start
+        every = np.tile(points, (size, 1))
+        # The samples of a row are next to each other.
+        chosen = {name: np.repeat(index[part], len(points)) for name, index in rows.items()}
+        system = uncertain.sampled(plan.config.at(chosen), every).build()
+        batch = method.of(system.over((len(every),)))
+        if method.frequency == RANGE:
+            return batch.run(np.array(plan.mesh_frequency_range))
+        present: Array = np.ones((1, 1)) if uncertain.sets_mesh_frequency else plan.mesh_frequency(chosen, columns)
+        if isinstance(batch, SampledMethod) and batch.integrates and uncertain.speed is not None:
+            outcomes.append(batch.integrated(present, *uncertain.speed).values)
+            continue
+        frequency = uncertain.mesh_frequency(present, every)
+        outcomes.append(batch.run(frequency).values)
+    return Outcome({name: np.concatenate([values[name] for values in outcomes]) for name in outcomes[0]})
+
+
 def varied(rows: Mapping[str, Array]) -> dict[str, Array]:
     """The same rows with one index for all where they do not differ: what depends on it only is then computed once."""
     return {name: index[0] if len(index) > 1 and (index == index[0]).all() else index for name, index in rows.items()}
@@ -151,31 +177,27 @@ def joined(
     tongues = layout.method.unite(outcome.tongues for _, outcome in outcomes)
     place = {tongue: k for k, tongue in enumerate(tongues)}
     values = {}
-    for variable in layout.method.results:
-        listed = len(tongues) if "tongue" in variable.dims else None
+    for own in layout.results:
+        variable = own.variable
+        listed = len(tongues)
         if variable.of_parts:
-            # One at least: xarray has its difficulties with dimensions of no length.
+            # At least one entry: xarray cannot store dimensions of length zero here.
             listed = max(1, *(len(outcome.values[variable.name]) for _, outcome in outcomes))
-        over = (() if listed is None else (listed,)) + (2,) * ("side" in variable.dims)
-        rest = inner_shape(layout, variable)
-        values[variable.name] = np.full((*over, count, *rest), variable.fill, dtype=variable.dtype)
+        shape_of_rows = own.rows_shape(count, listed)
+        values[variable.name] = np.full(shape_of_rows, variable.fill, dtype=variable.dtype)
         for members, outcome in outcomes:
             part = outcome.values[variable.name]
             index = np.array([place[tongue] for tongue in outcome.tongues], dtype=int)
             index = np.arange(len(part)) if variable.of_parts else index
             if variable.index_of == "tongue":
                 part = moved(part, index)
-            where = [*([index, *(np.arange(n) for n in over[1:])] if over else []), members, *map(np.arange, rest)]
+            where = [np.arange(length) for length in shape_of_rows]
+            where[variable.lead] = members
+            if variable.listed:
+                where[0] = index
             # Without a batch there is one row for all.
             values[variable.name][np.ix_(*where)] = part if part.ndim == len(where) else part[..., None]
     return values, tongues
-
-
-def inner_shape(layout: Layout, variable: Variable) -> tuple[int, ...]:
-    """The sizes of what a method gives at every row, beyond the axes of the sweep."""
-    constants = layout.method.constants()
-    after = variable.dims[variable.dims.index(ROWS) + 1 :] if ROWS in variable.dims else ()
-    return tuple(len(constants[dim]) for dim in after)
 
 
 def moved(positions: Array, index: Array) -> Array:
@@ -187,20 +209,9 @@ def _encoded(
     plan: Plan, layout: Layout, block: GridBlock, values: dict[str, Array], tongues: tuple[Key, ...]
 ) -> FinishedBlock:
     chunks = {}
-    for variable in layout.method.results:
-        data = values[variable.name].astype(variable.dtype, copy=False)
-        if GRID in variable.dims:
-            whole = _in_place(plan, layout, block, data)
-            chunks[variable.name] = [encode(whole, layout.chunk + whole.shape[len(layout.chunk) :])]
-        elif not variable.listed:
-            rest = inner_shape(layout, variable)
-            chunks[variable.name] = [encode(data.reshape(block.shape + rest), layout.chunk + rest)]
-        else:
-            # One chunk a tongue: lists of tongues that differ between blocks are brought together by moving chunks.
-            rest = inner_shape(layout, variable)
-            lead = data.ndim - 1 - len(rest)
-            apart = data.reshape(*data.shape[:lead], *block.shape, *rest)[:, None]
-            chunks[variable.name] = [encode(item, item.shape[:lead] + layout.chunk + rest) for item in apart]
+    for own in layout.results:
+        data = values[own.variable.name].astype(own.variable.dtype, copy=False)
+        chunks[own.variable.name] = own.encoded(own.over_axes(block, data, plan.inner(layout)))
     of_points = any(variable.name == "stable" and variable.dims == (GRID,) for variable in layout.method.results)
     stable = values["stable"] if of_points else np.zeros(0)
     unstable, failed = stable.size - int(np.count_nonzero(stable)), int(np.count_nonzero(stable < 0))
@@ -214,29 +225,5 @@ def flag_counts(layout: Layout, values: dict[str, Array]) -> dict[str, int]:
     """How many points of a grid carry each flag of ``status``; nothing of flags that none carries."""
     for variable in layout.method.results:
         if variable.name == "status" and GRID in variable.dims:
-            names = str(variable.attributes.get("flag_meanings", "")).split()
-            flags = dict(zip(names, variable.attributes.get("flag_masks", ()), strict=True))
-            return _counted(np.ravel(values["status"], order="K"), flags)
+            return Flags.of(variable.attributes).counted(values["status"])
     return {}
-
-
-def _counted(status: Array, flags: Mapping[str, int]) -> dict[str, int]:
-    """How often each flag is set. Most are set nowhere, or everywhere, and few points carry any."""
-    anywhere = int(np.bitwise_or.reduce(status))
-    everywhere = int(np.bitwise_and.reduce(status)) if anywhere else 0
-    marked = status[status != 0] if anywhere else status
-    return {
-        name: len(status) if everywhere & mask else int(np.count_nonzero(marked & status.dtype.type(mask)))
-        for name, mask in flags.items()
-        if anywhere & mask
-    }
-
-
-def _in_place(plan: Plan, layout: Layout, block: GridBlock, data: Array) -> Array:
-    """``(rows, P, ...)`` as an array over the axes in the order of the result."""
-    rest = data.shape[2:]
-    if plan.fast is None:
-        return data.reshape(*block.shape, *rest)
-    inner = layout.dims.index(plan.fast.name)
-    rows = block.shape[:inner] + block.shape[inner + 1 :]
-    return np.moveaxis(data.reshape(*rows, block.shape[inner], *rest), len(rows), inner)

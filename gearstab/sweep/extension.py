@@ -24,8 +24,9 @@ from gearstab.methods import RANGE
 from gearstab.results.guard import SWEEP
 from gearstab.results.read import attributes, is_sealed, refuse_hollow
 from gearstab.results.tree import FORMAT
-from gearstab.sweep.plan import Layout, Plan
-from gearstab.sweep.storage.taken import Taken, identity, misshapen
+from gearstab.sweep.layout import Layout
+from gearstab.sweep.plan import Plan
+from gearstab.sweep.storage.previous import Previous, identity, misshapen
 from gearstab.system import Array
 from gearstab.version import __version__
 
@@ -38,7 +39,7 @@ def extended(plan: Plan, path: Path) -> tuple[Plan, list[str]]:
 
     Raises ResultError where the file is no result that was computed in the same way, or has nothing to take over.
     """
-    before = identity(path) if path.exists() else None
+    before = identity(path)
     found = _checked(path, plan)
     old = _configuration(path, found, plan.config)
     _refuse_another_grid(path, old, plan)
@@ -57,7 +58,7 @@ def extended(plan: Plan, path: Path) -> tuple[Plan, list[str]]:
             places[name] = found_places
     if not places or before is None:
         raise _refused(path, f"nothing of it can be taken over ({'; '.join(words)})")
-    return replace(plan, taken=Taken(path.resolve(), before, places)), words
+    return replace(plan, taken=Previous(path.resolve(), before, places)), words
 
 
 def _refused(path: Path, reason: str) -> ResultError:

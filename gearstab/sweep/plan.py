@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from math import ceil, prod
 
 import numpy as np
@@ -22,9 +20,9 @@ from gearstab.config import Axis, Config
 from gearstab.config.checks.options import check
 from gearstab.config.model.axes import MESH_FREQUENCY
 from gearstab.methods import POINTS, Method, chosen
-from gearstab.results.variables import Variable
 from gearstab.sweep import teeth
-from gearstab.sweep.storage.taken import Taken
+from gearstab.sweep.layout import Layout
+from gearstab.sweep.storage.previous import Previous
 from gearstab.system import Array, GearSystem
 from gearstab.version import __version__
 
@@ -40,66 +38,6 @@ LONGEST = 10**9
 
 
 @dataclass(frozen=True)
-class GridBlock:
-    """One piece of work: a hyper-rectangle of a method's grid. start, shape: over the axes of the method's results."""
-
-    method: str
-    number: int
-    start: tuple[int, ...]
-    shape: tuple[int, ...]
-
-    @property
-    def key(self) -> str:
-        """Its name in files and messages."""
-        return f"{self.method}-{self.number:06d}"
-
-    @property
-    def points(self) -> int:
-        """Number of points of its method's grid."""
-        return prod(self.shape)
-
-
-@dataclass(frozen=True)
-class Layout:
-    """A method's grid (names and sizes of its axes) and its division: the shape of all blocks but those at the ends.
-
-    cost: of a point, as the method gives it.
-    """
-
-    method: Method
-    dims: tuple[str, ...]
-    shape: tuple[int, ...]
-    chunk: tuple[int, ...]
-    cost: float
-
-    @property
-    def points(self) -> int:
-        """Number of points."""
-        return prod(self.shape)
-
-    @property
-    def count(self) -> int:
-        """Number of blocks."""
-        return prod(ceil(n / c) for n, c in zip(self.shape, self.chunk, strict=True))
-
-    def gives(self, variable: str) -> bool:
-        """Whether the method computes a variable of this name."""
-        return any(known.name == variable for known in self.method.results)
-
-    def inner(self, variable: Variable) -> tuple[int, ...]:
-        """Lengths of the dimensions of a variable that are the same everywhere, such as meshes."""
-        constants = self.method.constants()
-        return tuple(len(constants[dim]) for dim in variable.dims if dim in constants)
-
-    def blocks(self) -> Iterator[GridBlock]:
-        """All blocks, in the order of their numbers."""
-        starts = product(*(range(0, n, c) for n, c in zip(self.shape, self.chunk, strict=True)))
-        for number, start in enumerate(starts):
-            shape = tuple(min(c, n - s) for n, c, s in zip(self.shape, self.chunk, start, strict=True))
-            yield GridBlock(self.method.name, number, start, shape)
-
-
-@dataclass(frozen=True)
 class Plan:
     """Plan of a sweep.
 
@@ -111,7 +49,7 @@ class Plan:
     base: GearSystem
     fast: Axis | None
     layouts: tuple[Layout, ...]
-    taken: Taken | None = None
+    taken: Previous | None = None
 
     @property
     def grid(self) -> tuple[str, ...]:

@@ -21,12 +21,13 @@ from gearstab.results.output import free_bytes, prepare
 from gearstab.results.write import image, rewrite_attributes
 from gearstab.sweep.effort.estimate import Estimate, long_runs
 from gearstab.sweep.effort.words import octets
-from gearstab.sweep.plan import Layout, Plan
+from gearstab.sweep.layout import Layout
+from gearstab.sweep.plan import Plan
 from gearstab.sweep.pool import Executor, Failure, run_blocks
 from gearstab.sweep.reporter import Reporter
-from gearstab.sweep.storage import earlier, merge
+from gearstab.sweep.storage import merge, previous
 from gearstab.sweep.storage.parts import PartFolder
-from gearstab.sweep.storage.store import Finished, Store
+from gearstab.sweep.storage.store import Store
 
 MOST_FAILURES = 10
 """Stop after this many failed blocks, unless told otherwise: the cause is then common to all."""
@@ -99,8 +100,8 @@ def run(
     What is finished is kept.
     """
     out, reporter = Path(out), progress or Reporter()
-    before = earlier.identity(out)
-    found = earlier.look(plan, out, overwrite)
+    before = previous.identity(out)
+    found = previous.look(plan.config, out, overwrite)
     folder = PartFolder(out, plan.digest)
     if found.complete:
         _refresh(plan, out, found)
@@ -115,8 +116,8 @@ def run(
     with closing(Store(plan, folder)) as store:
         if not overwrite and (useless := store.find()):
             reporter.message(f"{folder.path}: {_damaged(useless)}")
-        if store.finished.blocks:
-            kept = f"{len(store.finished.blocks)} of {plan.blocks} blocks"
+        if store.blocks:
+            kept = f"{len(store.blocks)} of {plan.blocks} blocks"
             reporter.message(f"going on with {kept} that are finished in {folder.every}")
         elif resume:
             reporter.message("no finished blocks found: starting from the beginning")
@@ -166,16 +167,16 @@ class Work:
             yield workers
 
 
-def _run(work: Work, out: Path, before: earlier.Identity | None) -> Summary:
+def _run(work: Work, out: Path, before: previous.Identity | None) -> Summary:
     """Compute what is missing and write the result; raises SweepError and Interrupted."""
     store = work.store
-    reused, computed = len(store.finished.blocks), False
+    reused, computed = len(store.blocks), False
     try:
         # From the moment the result has its name there is nothing left to interrupt.
-        with interrupts.raised(lambda: computed and earlier.identity(out) != before):
+        with interrupts.raised(lambda: computed and previous.replaced(out, before)):
             _compute(work)
             computed = True
-            summary = _summary(store.finished, reused)
+            summary = _summary(store, reused)
             _finish(store, out, before)
             store.remove()
             return summary
@@ -201,10 +202,10 @@ def run_in_memory(
         parts = PartFolder(Path(folder) / "result.h5", plan.digest)
         with closing(Store(plan, parts, kept=False)) as store:
             _compute(Work(plan, store, jobs or ckernel.threads(), reporter, forecast=forecast))
-            return image(merge.result_tree(store.finished, said or {}))
+            return image(merge.result_tree(store, said or {}))
 
 
-def _refresh(plan: Plan, out: Path, found: earlier.Earlier) -> None:
+def _refresh(plan: Plan, out: Path, found: previous.AtOutput) -> None:
     """Give a result that is still right the title of the configuration, and a new time stamp."""
     if found.retitled:
         rewrite_attributes(out, {"title": plan.config.title, "config": plan.config.resolved}, result_of(SWEEP).refuse)
@@ -243,7 +244,7 @@ def _compute(work: Work) -> None:
 def _compute_method(work: Work, layout: Layout, executor: Executor, failures: list[Failure]) -> None:
     """Compute what is missing of a method; ``failures`` gets the blocks that fail."""
     store, reporter = work.store, work.reporter
-    missing, there = store.finished.missing(layout), store.finished.of(layout)
+    missing, there = store.missing(layout), store.of(layout)
     done = sum(part.points for part in there)
     seconds = None if work.forecast is None else work.forecast.left(layout.method.name, layout.points - done)
     reporter.begin(layout.method.name, layout.points, done, seconds, prod(layout.chunk) * work.jobs)
@@ -285,13 +286,12 @@ def _where(failure: Failure) -> str:
     return f"block {block.key} (points {place})" if place else f"block {block.key}"
 
 
-def _finish(store: Store, out: Path, before: earlier.Identity | None) -> None:
+def _finish(store: Store, out: Path, before: previous.Identity | None) -> None:
     """Write the result file. Raises SweepError, with the parts kept, if it cannot be written or must not be."""
-    finished = store.finished
     try:
-        if free_bytes(out) < finished.size:
+        if free_bytes(out) < store.size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(out))
-        merge.write(finished, out, lambda path: earlier.look_again(finished.plan, path, before))
+        merge.write(store, out, lambda path: previous.look_again(store.plan.config, path, before))
     except OSError as error:
         raise _unwritable(error, store) from error
     except OutputError as error:
@@ -326,25 +326,25 @@ def _interrupted(kept: int, total: int, folder: PartFolder) -> str:
     )
 
 
-def _summary(finished: Finished, reused: int) -> Summary:
-    plan = finished.plan
-    tells = [block for layout in plan.layouts if layout.gives("stable") for block in finished.of(layout)]
+def _summary(store: Store, reused: int) -> Summary:
+    plan = store.plan
+    tells = [block for layout in plan.layouts if layout.gives("stable") for block in store.of(layout)]
     return Summary(
         plan.points, plan.blocks, reused, sum(block.unstable for block in tells) if tells else None,
-        sum(block.failed for block in tells), {layout.method.name: finished.flags(layout) for layout in plan.layouts},
+        sum(block.failed for block in tells), {layout.method.name: store.flags(layout) for layout in plan.layouts},
         False,
-        {layout.method.name: _searches(finished, layout) for layout in plan.layouts if layout.gives("sampled_step")},
-        _certified(finished),
+        {layout.method.name: _searches(store, layout) for layout in plan.layouts if layout.gives("sampled_step")},
+        _certified(store),
     )  # fmt: skip
 
 
-def _searches(finished: Finished, layout: Layout) -> RegionSearches:
-    step, coarse = (finished.rows(layout, name) for name in ("sampled_step", "coarse"))
-    known = (finished.rows(layout, name) for name in ("proved_share", "counted_share") if layout.gives(name))
+def _searches(store: Store, layout: Layout) -> RegionSearches:
+    step, coarse = (store.rows(layout, name) for name in ("sampled_step", "coarse"))
+    known = (store.rows(layout, name) for name in ("proved_share", "counted_share") if layout.gives(name))
     shares = (float(np.nanmean(own)) if np.isfinite(own).any() else None for own in known)
     return RegionSearches(layout.method.once()[1] * len(step), float(step.max()), int(coarse.sum()), *shares)
 
 
-def _certified(finished: Finished) -> float | None:
-    found = [finished.rows(own, "certified_share") for own in finished.plan.layouts if own.gives("certified_share")]
+def _certified(store: Store) -> float | None:
+    found = [store.rows(own, "certified_share") for own in store.plan.layouts if own.gives("certified_share")]
     return float(np.mean(found)) if found else None

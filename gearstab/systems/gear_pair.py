@@ -133,7 +133,7 @@ class RotatingGearPair(System):
     single_contact_angle: Annotated[float, Field(gt=0, lt=tau), Quantity("rad")] | None = Field(
         default=None, title="angle of single contact"
     )
-    """Of the 2 pi of a mesh cycle in theta, from its beginning on (rad); or give contact_ratio."""
+    """Part of the 2 pi of a mesh cycle in theta, from its beginning on (rad); or give contact_ratio."""
     contact_ratio: Annotated[float, Field(gt=1, lt=2), Quantity()] | None = None
     """1 < c < 2: one pair for 2 - c of a mesh cycle, two for c - 1; or give single_contact_angle."""
     torque: Annotated[float, Quantity("N m")]

@@ -17,7 +17,7 @@ from gearstab.floquet.boundaries import boundaries
 from gearstab.system import Array, GearSystem
 
 POINTS = 20_000
-"""Of a map of the growth rate, to compare with."""
+"""Points of a map of the growth rate, to compare with."""
 CHECK = 300.0
 """Milliseconds that ``gearstab check`` may take."""
 

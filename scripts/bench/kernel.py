@@ -26,7 +26,7 @@ from gearstab.floquet.segments.pattern import prepare
 from gearstab.system import GearSystem
 
 ROWS = 100
-"""Of a small map: some milliseconds, so that processors which begin wide instructions slowly are at their speed."""
+"""Rows of a small map: some milliseconds, so that processors that begin wide instructions slowly reach their speed."""
 
 
 def train(ratio: str, rows: int, **damping: object) -> GearSystem:
@@ -124,7 +124,7 @@ def share(name: str, counts: dict[str, int], points: int, *ways: str) -> None:
 
 
 def moved_traces(rounds: int) -> None:
-    """What compare.py asks of two resolutions of a smooth wave."""
+    """Time the two resolutions of a smooth wave that compare.py asks for."""
     rng = np.random.default_rng(1)
     fine = rng.normal(size=(40, 1024, 3)) + 0j
     coarse, least = fine + 1e-9, np.full(1024, 1e-13)

@@ -22,16 +22,16 @@ from gearstab.system import GearSystem
 
 SIZES = (1, 2, 3, 5, 8, 12, 20, 31, 59)
 RATIOS = tuple(Fraction(k + 1, k) for k in (1, 2, 4, 8, 16, 32, 64))
-"""Of the second mesh's frequency to the first's: the common period has k + 1 and k periods of them."""
+"""Ratios of the second mesh's frequency to the first's: the common period has k + 1 and k periods of them."""
 MESHES = (1, 2, 3, 4, 6, 8)
-"""Of one frequency and different phases."""
+"""Numbers of meshes of one frequency and different phases."""
 ROUNDS = 3
 FROM = 8
 """Coordinates from which the law is fitted: what a point costs besides shows below."""
 RANGE = (1.5, 1.8)
 """Mesh frequencies within which the edges of all regions are found."""
 DAMPING = 0.02
-"""Of the damped systems, relative to the stiffness."""
+"""Damping of the damped systems, relative to the stiffness."""
 
 
 def segments(system: GearSystem) -> int:

@@ -34,7 +34,7 @@ CONFIG = CONFIGS / "lin_parker_2002" / "fig3.yaml"
 LEAST, LARGEST = 5, 7
 """Powers of ten of the number of points; 8 only where it is asked for."""
 ROUNDS = 3
-"""Of which the fastest counts."""
+"""Number of rounds; the fastest counts."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ CHECKED = 16
 MAGNUS = 10.0 ** -np.arange(3.0, 7.0)
 DOP853 = 10.0 ** -np.arange(4.0, 7.0, 0.5)
 ROUNDS = 7
-"""Of which the quickest counts; of single rows, which take milliseconds, six times as many."""
+"""Number of rounds, of which the quickest counts; of single rows, which take milliseconds, six times as many."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What samples of uncertain parameters cost: a probability map against a plain sweep of as many points."""
+"""Cost of samples of uncertain parameters: a probability map against a plain sweep of as many points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the statements share: the reconstructed gearbox, other teeth for it, and its stages one at a time."""
+"""Reconstructed gearbox that the statements share, other teeth for it, and its stages one at a time."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def base() -> Mapping[str, Any]:
 
 
 def parameters(design: Design) -> dict[str, Any]:
-    """Those of the gearbox with other teeth."""
+    """Return the parameters of the gearbox with other teeth."""
     p = deepcopy(dict(base()))
     p["gears"] |= {"module": design.module, "pressure_angle": radians(design.pressure_angle)}
     stages = [*range(4), 3]
@@ -115,7 +115,7 @@ def pairs(design: Design = Design()) -> list[Pair]:
 
 @cache
 def static_forces(design: Design = Design()) -> np.ndarray:
-    """Of stages I to IV."""
+    """Static forces of stages I to IV."""
     return np.asarray(static_mesh_force(build(parameters(design)))[:4])
 
 

@@ -1,4 +1,4 @@
-"""What module, pressure angle and contact ratio change: Figs. 9 to 17."""
+"""Effects of module, pressure angle and contact ratio: Figs. 9 to 17."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HARMONIC = "transmission_error_first_harmonic"
 
 
 def changed(after: Design, before: Design, measure: str = HARMONIC) -> np.ndarray:
-    """Of stages I to IV, in per cent."""
+    """Changes of stages I to IV, in per cent."""
     return np.asarray(100 * (of_stages(after, measure) / of_stages(before, measure) - 1))
 
 
@@ -93,7 +93,7 @@ SAID, SEVERAL = 75.0, 5.0
 
 
 def remarks(design: Design) -> str:
-    """What a designer should know of the teeth, by stage."""
+    """Remarks on the teeth for a designer, by stage."""
     found = {
         f"{stage}: {notice.part} {notice.name.replace('_', ' ')} {notice.number:.3f}"
         for stage, pair in zip(STAGES, pairs(design), strict=True)

@@ -19,9 +19,9 @@ from statements import AS_PRINTED, Runs, Statement, number, numbers, sort_of
 
 PRINTED = (0.29, 0.23, 0.06, 0.05)
 STEPS = 2000
-"""Of a mesh cycle in which the largest deflection is looked for."""
+"""Steps of a mesh cycle in which the largest deflection is looked for."""
 SAMPLES = 200
-"""Of a cycle of mesh I; the largest loads are resolved."""
+"""Samples of a cycle of mesh I; the largest loads are resolved."""
 
 
 def static_loads(runs: Runs) -> Iterator[Statement]:
@@ -191,7 +191,7 @@ def stability(runs: Runs) -> Iterator[Statement]:
 
 
 def corrections(runs: Runs) -> Iterator[Statement]:
-    """What is wrong in print."""
+    """Statements that are wrong in print."""
     width = 20e-6
     forces = [-width - width, -width + width]
     yield Statement(

@@ -1,4 +1,4 @@
-"""What the statements of all sections share: ranges, sweeps, the modes of Table 1 and the shape of the closed forms."""
+"""Ranges, sweeps, modes of Table 1 and shape of the closed forms, shared by the statements of all sections."""
 
 from __future__ import annotations
 

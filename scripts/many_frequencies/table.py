@@ -26,9 +26,9 @@ CONFIG = Path(__file__).parents[2] / "configs" / "many_frequencies" / "train13.y
 DAMPING = 0.05
 """With all of its damping no tongue is open from 300 Hz to 26 kHz."""
 CYCLES = 500
-"""Of the slowest mesh, for the Lyapunov exponents."""
+"""Cycles of the slowest mesh, for the Lyapunov exponents."""
 FREQUENCIES = (350.0, 1615.1, 1620.6, 1890.33, 2226.0, 2240.0, 2307.17, 2846.3, 2969.2, 3466.64, 3910.55, 3926.0)
-"""Of mesh I, Hz: the speed of the paper, and places in and about tongues of meshes I and II."""
+"""Frequencies of mesh I (Hz): the speed of the paper, and places in and about tongues of meshes I and II."""
 TIMED = 64
 """Points of a sweep that a time per point is taken from."""
 EDGES = ((1580.0, 1650.0), (1878.0, 1905.0), (3400.0, 3520.0), (3640.0, 3680.0))

@@ -21,7 +21,7 @@ DISCARDED = 20
 CYCLES = 100
 """Mesh cycles of the spectra."""
 SAMPLES = 200
-"""Of a mesh cycle at the first speed, as in the configurations."""
+"""Samples of a mesh cycle at the first speed, as in the configurations."""
 ZETA, RADIUS = 0.05, 76.2e-3
 """Damping ratio of Fig. 4, and the printed radius of the smaller gear (m)."""
 PEAK = "for some torque largest within 0.1 of 3.2 w_d, and more than 10 times (power 100 times)"

@@ -1,4 +1,4 @@
-"""What the statements share: the modes as the formulas need them, and the gear in chosen modes alone."""
+"""Modes as the formulas need them, and the gear in chosen modes alone, shared by the statements."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Gear:
         return found
 
     def impurity(self, p: int) -> float:
-        """What (29) leaves of the mesh deflections of mode p (from 1), as a part of the largest one."""
+        """Rest that (29) leaves of the mesh deflections of mode p (from 1), as a part of the largest one."""
         left = 0.0
         for row in (self.sun[p - 1], self.ring[p - 1]):
             spectrum = np.fft.fft(row)
@@ -114,7 +114,7 @@ def restricted(
 
 
 def pair_label(p: int, q: int, harmonic: int) -> str:
-    """What the tongue of two modes is called."""
+    """Label of the tongue of two modes."""
     if p != q:
         return f"w{p}+w{q}" if harmonic == 1 else f"(w{p}+w{q})/{harmonic}"
     factor = Fraction(2, harmonic)

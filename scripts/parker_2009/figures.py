@@ -18,7 +18,7 @@ BLOCKS = {0: [3, 7], 1: [1, 2, 5, 6], 2: [4, 9]}
 NAMED = [(5, 5, 2), (7, 7, 2), (9, 9, 2), (4, 4, 1), (5, 5, 1), (7, 7, 1), (1, 5, 1), (3, 7, 1), (4, 9, 2)]
 """(p, q, L) of the instabilities that the paper sees in Fig. 3."""
 SEEN = [(1, 4, 1), (1, 7, 1), (3, 5, 1), (4, 5, 1), (5, 7, 1), (1, 9, 1)]
-"""Those of the first harmonic in the range of the figures when the meshes are phased sequentially."""
+"""Tongues of the first harmonic in the range of the figures when the meshes are phased sequentially."""
 GONE = [(4, 4, 1), (5, 5, 1), (7, 7, 1), (1, 5, 1), (3, 7, 1)]
 
 

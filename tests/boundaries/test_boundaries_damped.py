@@ -21,7 +21,7 @@ from gearstab.waveforms import Rectangular
 
 
 def half_trace(omega: float, epsilon: float, decay: float) -> float:
-    """Of the undamped companion of a gear pair, u'' + (k(t) - decay^2) u = 0, m = k_g = 1, contact ratio 1.5."""
+    """Half trace of the undamped companion of a gear pair, u'' + (k(t) - decay^2) u = 0, m = k_g = 1, c = 1.5."""
     half, a, b = np.pi / omega, np.sqrt(1 + epsilon - decay**2), np.sqrt(1 - epsilon - decay**2)
     return np.cos(a * half) * np.cos(b * half) - 0.5 * (a / b + b / a) * np.sin(a * half) * np.sin(b * half)
 

@@ -89,7 +89,7 @@ def check(seeds: Iterable[int]) -> int:
 
 
 def edge_errors(seed: int) -> list[str]:
-    """What is wrong in forty digits 1e-10 inside and outside of a region of a train, the narrowest of every other."""
+    """Verdicts wrong in forty digits 1e-10 inside and outside of a region of a train, the narrowest of every other."""
     system, start, stop = conservative_train(seed)
     found = boundaries(system, start, stop)
     whole = np.flatnonzero(~found.cut.any(axis=1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy_chain
 import pytest
 from random_trains import missed, random_train
 from scipy.linalg import expm
@@ -38,7 +39,7 @@ def points_of(system: GearSystem, start: float, stop: float, count: int) -> tupl
 
 
 def monodromy(flow: Chain, cycle: float) -> np.ndarray:
-    """Of row 0, by SciPy's matrix exponential of the generators themselves."""
+    """Monodromy of row 0, by SciPy's matrix exponential of the generators themselves."""
     period, product = float(flow.period(np.array(cycle))), np.eye(flow.size)
     for s, state in enumerate(flow.states):
         product = expm(flow.generator.matrix[0, state] * flow.fractions[0, s] * period) @ product
@@ -49,10 +50,23 @@ def monodromy(flow: Chain, cycle: float) -> np.ndarray:
 def test_moduli_are_those_of_matrix_exponentials(seed: int) -> None:
     flow, row, cycle = points_of(*random_train(seed), 7)
     expected = [-np.sort(-np.log(np.abs(np.linalg.eigvals(monodromy(flow, float(c)))))) for c in cycle]
-    for ours in (lyapunov, c_points):
+    for ours in (numpy_chain, c_points):
         # A small multiplier is right to eps times the size of the matrix.
         lost = np.maximum(1e-9, 1e-12 * np.exp(-np.array(expected)))
         assert (np.abs(ours.moduli(flow, row, cycle) - expected) < lost).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_products_and_moduli_without_eigenvectors(seed: int) -> None:
+    """Of states of which none may serve, as those with two equal exponents have none."""
+    flow, row, cycle = points_of(*random_train(seed), 7)
+    flow = replace(flow, sound=np.zeros_like(flow.sound))
+    product, scale = c_points.products(flow, row, cycle)
+    expected = np.array([monodromy(flow, float(c)) for c in cycle])
+    size = np.abs(expected).max(axis=(1, 2), keepdims=True)
+    np.testing.assert_allclose(product * np.exp(scale)[:, None, None] / size, expected / size, atol=1e-11)
+    moduli = -np.sort(-np.log(np.abs(np.linalg.eigvals(expected))), axis=1)
+    np.testing.assert_allclose(c_points.moduli(flow, row, cycle)[:, 0], moduli[:, 0], atol=1e-9)
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -60,7 +74,7 @@ def test_moduli_are_those_of_matrix_exponentials(seed: int) -> None:
 def test_the_kernel_proves_what_numpy_does(seed: int, level: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GEARSTAB_SIMD", level)
     flow, row, cycle = points_of(*random_train(seed), 41)
-    logs = lyapunov.moduli(flow, row, cycle)
+    logs = numpy_chain.moduli(flow, row, cycle)
     tried = np.abs(logs[:, 0]) > 1e-3
     row, cycle, growth = row[tried], cycle[tried], logs[tried, 0]
     ours, expected = c_points.radii(flow, row, cycle, growth), lyapunov.radii(flow, row, cycle, growth)
@@ -68,7 +82,7 @@ def test_the_kernel_proves_what_numpy_does(seed: int, level: str, monkeypatch: p
     np.testing.assert_allclose(ours, expected, rtol=0.1, atol=1e-6)
     alone = [c_points.radii(flow, row[k : k + 1], cycle[k : k + 1], growth[k : k + 1])[0] for k in (0, len(row) // 2)]
     np.testing.assert_array_equal(alone, ours[[0, len(row) // 2]])
-    one, two = c_points.products(flow, row, cycle), lyapunov.products(flow, row, cycle)
+    one, two = c_points.products(flow, row, cycle), numpy_chain.products(flow, row, cycle)
     np.testing.assert_allclose(
         one[0] * np.exp(one[1])[:, None, None], two[0] * np.exp(two[1])[:, None, None], rtol=1e-9, atol=1e-10
     )
@@ -93,7 +107,7 @@ def test_no_multiplier_crosses_the_circle_within_a_radius(seed: int) -> None:
 def test_the_lyapunov_function_decreases_for_all_stretchings_within_its_radius() -> None:
     """M(eta)^T P M(eta) < P with matrices from the generators, not from the proof's own steps."""
     flow, row, cycle = points_of(train((1.37, 1.62), 0.2, 1, (0.3, 0.3), damping_ratio=0.01), 1.1, 6.5, 25)
-    logs = lyapunov.moduli(flow, row, cycle)
+    logs = numpy_chain.moduli(flow, row, cycle)
     stable = logs[:, 0] < 0
     row, cycle, logs = row[stable], cycle[stable], logs[stable]
     rate = -lyapunov.PART * logs[:, 0] / flow.period(cycle)
@@ -110,7 +124,7 @@ def test_the_lyapunov_function_decreases_for_all_stretchings_within_its_radius()
 
 
 def test_a_radius_does_not_reach_over_the_closed_form_edge() -> None:
-    """Of a gear pair: growth of the undamped companion equals the decay."""
+    """Edge of a gear pair: growth of the undamped companion equals the decay."""
     zeta, epsilon = 0.02, 0.4
     mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": 1.5}
     pair = build({"kind": "gear_pair", "equivalent_mass": 1.0, "damping_ratio": zeta, "meshes": [mesh]})

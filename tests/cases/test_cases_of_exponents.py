@@ -45,7 +45,7 @@ def case(tmp_path: Path) -> Path:
 
 
 def test_every_speed_takes_the_short_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a coarser line: between 691 and 864 rad/s windows of neighbouring multipliers end at close pairs."""
+    """Speeds of a coarser line: between 691 and 864 rad/s windows of neighbouring multipliers end at close pairs."""
     (first, k1), (second, k2) = shaft(17, 2e-5, 1.3e6), shaft(17, 9e-5, 5e6)
     first[0, 0] += 0.8
     first[17, 17] += 2e-3

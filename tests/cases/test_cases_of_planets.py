@@ -23,7 +23,7 @@ DRAWING = [
     "teeth.profile_shift={sun: 0.617, planet: 0.802, ring: 0.501}",
     "teeth.tip_radius={sun: 489.404 mm, planet: 452.729 mm, ring: 1237.545 mm}",
 ]
-"""Of the first stage, as published; the ring's profile shift in this program's sign."""
+"""Values of the first stage, as published; the ring's profile shift in this program's sign."""
 
 
 def sun_ring(config: Config) -> float:

@@ -58,7 +58,7 @@ def rotor(damping: float = 0.0, speed: float = 0.4) -> Segments:
 
 
 def turning(damping: float = 0.0, drag: float = 0.0, ratio: float = 0.2) -> Segments:
-    """That shaft with W = 0.2 Omega, where a part of the damping turns with it."""
+    """The shaft with W = 0.2 Omega, where a part of the damping turns with it."""
     still = rotor(damping + drag, 0.0)
     return replace(still, following=(2 * ratio * GYROSCOPIC, -drag * ratio * GYROSCOPIC, -(ratio**2) * np.eye(2)))
 

@@ -104,7 +104,7 @@ def test_our_own_errors_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def wrapped() -> RuntimeError:
-    """What Python 3.11 makes of a lack of memory where a class is made."""
+    """Return the error that Python 3.11 makes of a lack of memory where a class is made."""
     error = RuntimeError("Error calling __set_name__ on 'property' instance")
     error.__cause__ = MemoryError()
     return error

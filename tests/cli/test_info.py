@@ -282,7 +282,7 @@ def test_a_phasing_that_info_names_does_what_it_says(fig3: Path) -> None:
     assert len(advised) >= 3
 
     def width(label: str, low: float, high: float, *options: str) -> float:
-        """That of the exact regions of a name, and of what others make unstable between two speeds."""
+        """Width of the exact regions of a name, and of what others make unstable between two speeds."""
         edges = boundaries(build(load(fig3, options).system), 0.3, 7.0)
         return sum(
             upper - lower

@@ -1,4 +1,4 @@
-"""What ``gearstab info`` says of speeds of rotation: natural frequencies at both ends of the range, self-excitation."""
+"""Speeds of rotation in ``gearstab info``: natural frequencies at both ends of the range, self-excitation."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ def test_a_check_as_json(tmp_path: Path) -> None:
 
 
 def completed(words: str, count: int) -> list[str]:
-    """What a shell offers for the last of some words."""
+    """Words that a shell offers for the last of some words."""
     program = "from gearstab.__main__ import main; main()"
     environment = os.environ | {"_GEARSTAB_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(count)}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)

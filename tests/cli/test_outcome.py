@@ -1,8 +1,9 @@
-"""What a sweep came to, for machines: ``--json``, ``--fail-if``, ``info RESULT --json``."""
+"""Outcome of a sweep for machines: ``--json``, ``--fail-if``, ``info RESULT --json``, and ``gearstab diff``."""
 
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import h5py
@@ -24,11 +25,17 @@ methods: {floquet: {}, boundaries: {}}
 )
 
 
+def swept(folder: Path, name: str, *overrides: str) -> Path:
+    """A result, made from a file of its name beside it."""
+    out = folder / f"{name}.h5"
+    words = [word for text in overrides for word in ("--set", text)]
+    assert ran("sweep", written(folder, CONFIG, f"{name}.yaml"), "-o", out, "-q", *words).exit_code == 0
+    return out
+
+
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("outcome")
-    assert ran("sweep", written(folder, CONFIG, "train.yaml"), "-o", folder / "train.h5", "-q").exit_code == 0
-    return folder / "train.h5"
+    return swept(tmp_path_factory.mktemp("outcome"), "train")
 
 
 def test_the_numbers_are_those_of_the_file(result: Path) -> None:
@@ -119,3 +126,80 @@ def test_pieces_hold_every_value_once(shape: tuple[int, ...], monkeypatch: pytes
         assert seen[part].size <= 6
         seen[part] += 1
     assert (seen == 1).all()
+
+
+@pytest.fixture(scope="module")
+def results(result: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The result, and one of a train whose stiffness is 1 % larger: frequencies grow by sqrt(1.01)."""
+    stiffer = [f"system.meshes.{k}.mean_stiffness=1.01" for k in (0, 1)] + ["system.input_shaft_stiffness=0.505"]
+    return result, swept(tmp_path_factory.mktemp("stiffer"), "train", *stiffer)
+
+
+def test_a_result_is_the_same_as_itself(results: tuple[Path, Path]) -> None:
+    found = ran("diff", results[0], results[0])
+    assert found.exit_code == 0
+    assert found.stdout == f"{results[0]} and {results[0]} are the same\n"
+
+
+def test_what_changed_is_told(results: tuple[Path, Path]) -> None:
+    found = ran("diff", *results, "--json")
+    assert found.exit_code == 1
+    told = json.loads(found.stdout)
+    with h5py.File(results[0]) as a, h5py.File(results[1]) as b:
+        stable = [file["floquet/stable"][:] for file in (a, b)]
+        growth = [file["floquet/growth_rate"][:] for file in (a, b)]
+    own = told["verdicts"]["floquet"]
+    assert own["changed"] == np.sum(stable[0] != stable[1]) > 0
+    assert own["to_unstable"] == np.sum((stable[0] == 1) & (stable[1] == 0))
+    assert own["to_unstable"] + own["to_stable"] == own["changed"]
+    largest = np.abs(growth[0] - growth[1]).max() / max(np.abs(item).max() for item in growth)
+    assert told["variables"]["/floquet/growth_rate"] == largest
+    # The smaller of two frequencies is the reference of the first file.
+    moved = [item["largest_shift"] for item in told["edges"]["moved"] if item["label"] == "2w3"]
+    assert_allclose(moved, np.sqrt(1.01) - 1, rtol=1e-6)
+    text = ran("diff", *results).stdout
+    assert "became unstable" in text
+    assert "region 2w3" in text
+
+
+def test_tolerances(results: tuple[Path, Path]) -> None:
+    loose = ("--tolerance", "2", "--edges", "0.02", "--verdicts", "82")
+    told = json.loads(ran("diff", *results, *loose, "--json").stdout)
+    opened = told["edges"]["only_first"] + told["edges"]["only_second"]
+    assert (not told["same"]) == bool(opened)
+    for strict in (("--verdicts", "0"), ("--edges", "0.001"), ("--tolerance", "0.001")):
+        assert ran("diff", *results, *loose, *strict).exit_code == 1
+
+
+def test_other_axes_are_told(results: tuple[Path, Path], tmp_path: Path) -> None:
+    other = swept(tmp_path, "c", "sweep.epsilon=[0.1, 0.31]")
+    longer = swept(tmp_path, "d", "sweep.epsilon=[0.1, 0.2, 0.3]")
+    assert "axis epsilon: other values" in ran("diff", results[0], other).stdout
+    assert "axis epsilon: 2 values, 3 in the second" in ran("diff", results[0], longer).stdout
+
+
+def test_a_file_that_cannot_be_read(results: tuple[Path, Path], tmp_path: Path) -> None:
+    found = ran("diff", results[0], tmp_path / "none.h5")
+    assert (found.exit_code, found.stderr.count("\n")) == (2, 1)
+
+
+def test_folders_are_compared_by_the_names_of_their_results(results: tuple[Path, Path], tmp_path: Path) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    for folder, names in ((first, {"same": 0, "other": 0, "old": 0}), (second, {"same": 0, "other": 1, "new": 0})):
+        folder.mkdir()
+        for name, k in names.items():
+            shutil.copy(results[k], folder / f"{name}.h5")
+    found = ran("diff", first, second)
+    assert found.exit_code == 1
+    assert found.stdout.startswith(f"{first / 'other.h5'} and {second / 'other.h5'} are different\n")
+    assert found.stdout.splitlines()[-3:] == [
+        "only in the first: old.h5", "only in the second: new.h5", "2 results in both, 1 of them different",
+    ]  # fmt: skip
+    told = json.loads(ran("diff", first, second, "--json").stdout)
+    assert (told["same"], told["only_first"], told["only_second"]) == (False, ["old.h5"], ["new.h5"])
+    alone = json.loads(ran("diff", *results, "--json").stdout)
+    assert told["results"]["other.h5"].items() <= alone.items()
+    assert told["results"]["same.h5"]["same"]
+    assert ran("diff", first, first).exit_code == 0
+    none = ran("diff", first, tmp_path)
+    assert (none.exit_code, none.stderr.count("\n")) == (2, 1)

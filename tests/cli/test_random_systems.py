@@ -1,4 +1,4 @@
-"""What must hold of the stability of any system: bounds, limits and symmetries, on random ones."""
+"""Laws of the stability of any system: bounds, limits and symmetries, on random ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an axis of cases or ties may be called: nothing that a result has already, and nothing that HDF5 cannot hold."""
+"""Names of axes of cases and ties: nothing that a result has already, and nothing that HDF5 cannot hold."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a right configuration becomes: parameters, defaults, units, files of matrices, overrides, digest."""
+"""Contents of a right configuration: parameters, defaults, units, files of matrices, overrides, digest."""
 
 from __future__ import annotations
 

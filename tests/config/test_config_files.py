@@ -102,7 +102,7 @@ def test_pipes_are_refused(tmp_path, text, name):
 
 @pytest.mark.parametrize("text", [MODEL, SAMPLES], ids=["model", "samples"])
 def test_declared_sizes_of_terabytes(tmp_path, text):
-    """What is declared is not stored: such a file has some kilobytes."""
+    """Declared arrays are not stored: such a file has some kilobytes."""
     path = tmp_path / "big.h5"
     first = next(iter(content_of(text)))
     with h5py.File(path, "w") as file:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import h5py
 import pytest
@@ -13,7 +15,7 @@ from scenes import CONFIGS, read
 
 from gearstab.cli import group
 from gearstab.config import ConfigError
-from gearstab.config.model.units import UnitError, to_si
+from gearstab.config.model.units import KNOWN, UnitError, scale, to_si
 from gearstab.results.units import unit_of
 from gearstab.systems import build
 
@@ -313,3 +315,21 @@ def test_decimal_commas(text, hint, units):
     with pytest.raises(UnitError, match="comma") as caught:
         to_si(text, units)
     assert hint in caught.value.hint
+
+
+@pytest.mark.parametrize(("unit", "si"), KNOWN)
+def test_the_most_usual_units_are_what_pint_takes_them_for(unit: str, si: str) -> None:
+    assert scale(unit, si) == pytest.approx(to_si(f"1 {unit}", (si,)), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("unit", "left"),
+    [
+        ("m", "m"), ("m/s", "m"), ("rad/s", "1"), ("N", "m"), ("N/m", "1"), ("N m", "m^2"), ("J", "m^2"), ("1", "1"),
+        ("N/m^2", "m^-1"), ("Pa", "m^-1"), ("m^2 s", "m^2"), ("N^2 s", "m^2"), ("kg^-1/2", "1"), ("1/s", "1"),
+    ],
+)  # fmt: skip
+def test_units_where_times_and_masses_have_none(unit: str, left: str) -> None:
+    """With masses and times without a unit a force is a length, energy the square of one, a stiffness a number."""
+    system: Any = SimpleNamespace(dimensionless=("mass", "time"))
+    assert unit_of(system, unit) == left

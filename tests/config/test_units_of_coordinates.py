@@ -88,7 +88,7 @@ def test_the_unit_of_a_mode_follows_a_change_of_the_unit_of_length() -> None:
     """In mm, kg and s an entry of unit kg^-1/2 m^-1 is a thousandth, one of kg^-1/2 stays: so it is."""
 
     def modes(length: float) -> tuple[np.ndarray, np.ndarray]:
-        """Of a rotor of 0.02 kg m^2 and 3 kg on springs, coupled by a mesh at 0.05 m; lengths times ``length``."""
+        """Modes of a rotor of 0.02 kg m^2 and 3 kg on springs, with a mesh at 0.05 m; lengths times ``length``."""
         arm = np.array([0.05 * length, 1.0])
         mass = np.diag([0.02 * length**2, 3.0])
         mesh = Mesh("mesh", arm, np.array(2e6), np.array(0.0), Rectangular(np.array(1.5)))

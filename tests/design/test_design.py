@@ -1,4 +1,4 @@
-"""What ``gearstab design`` finds: minima, verified; margins and sensitivities against computations of their own."""
+"""Results of ``gearstab design``: minima, verified; margins and sensitivities against computations of their own."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from gearstab.design.searching.search import first
 from gearstab.errors import PlotError
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
+from gearstab.floquet.required_damping import required_damping
 from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.systems import build, section
@@ -63,7 +64,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def two(result: Path) -> xr.Dataset:
-    """What it holds."""
+    """Contents of the result."""
     with xr.open_datatree(result, engine="h5netcdf") as tree:
         return tree["design"].to_dataset().load()
 
@@ -360,6 +361,21 @@ def test_a_system_that_whirls_has_a_best_design(tmp_path: Path) -> None:
     with open_result(tmp_path / "design.h5") as tree:
         table = tree["design"].to_dataset().load()
     assert float(table["objective_optimum"]) == pytest.approx(float(table["choice_objective"].min()), abs=1e-12)
-    refused = ran("design", written(tmp_path, WHIRLING.replace("instability_width", "required_damping")))
-    assert refused.exit_code == 2
-    assert "required_damping: does not support gyroscopic" in refused.output
+
+
+@pytest.mark.parametrize("circulatory", [0.0, 0.02])
+def test_the_damping_that_a_system_that_whirls_requires(tmp_path: Path, circulatory: float) -> None:
+    """Against a raster; with a circulatory matrix some is required at every speed."""
+    turning = f"circulatory: [[0, {circulatory}], [-{circulatory}, 0]], gyroscopic"
+    text = WHIRLING.replace("instability_width", "required_damping").replace("gyroscopic", turning)
+    config = read(tmp_path, text)
+    assert config.design is not None
+    found = Judge(DesignProblem(config, config.design)).worth(np.arange(3.0)[:, None]).objectives[:, 0]
+    omega = np.linspace(2.0, 4.5, 4001)
+    for value, ratio in zip(found, (1.15, 1.3, 1.5), strict=True):
+        system = build(read(tmp_path, text.replace("contact_ratio: 1.4", f"contact_ratio: {ratio}")).system)
+        raster = required_damping(system, omega).value[0]
+        assert (raster.min() > 0) == (circulatory > 0)
+        # The square root of a distance of half a step, relative to the width of a region, is missed at most.
+        assert value >= raster.max() * (1 - 1e-6)
+        assert value == pytest.approx(raster.max(), rel=1e-4)

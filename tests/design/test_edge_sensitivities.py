@@ -107,7 +107,7 @@ def test_every_edge_moves_as_meeting_multipliers_do(tmp_path: Path, sets: list[s
     ids=["R = 1", "R = 1/2", "damped"],
 )
 def test_first_order_sensitivities_are_limits_for_every_tongue(tmp_path: Path, sets: list[str], low: float) -> None:
-    """What remains between exact and first-order ones is a series in eps without a constant, damping going as eps."""
+    """Differences of exact and first-order ones are a series in eps without a constant, damping going as eps."""
     left: list[dict[object, np.ndarray]] = []
     for eps in (0.002, 0.001, 0.0005, 0.00025):
         at = np.append(AT, 0.02 * eps) if "damping_ratio=0" in sets else AT.copy()

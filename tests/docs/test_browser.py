@@ -1,4 +1,4 @@
-"""What a browser shows of our pages, opened from disk without a network (Chromium, by its DevTools protocol)."""
+"""Pages as a browser shows them, opened from disk without a network (Chromium, by its DevTools protocol)."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Tab:
         self.socket = await websocket.websocket_connect(address, max_message_size=1 << 28)
 
     def call(self, method: str, **values: Any) -> dict[str, Any]:
-        """What the browser answers; what it tells meanwhile goes to the events."""
+        """Answer of the browser; what it tells meanwhile goes to the events."""
         return self.loop.run_until_complete(self.answer(method, values))
 
     async def answer(self, method: str, values: dict[str, Any]) -> dict[str, Any]:
@@ -127,7 +127,7 @@ class Tab:
         ]
 
     def picture(self) -> np.ndarray:
-        """What is seen, ``(rows, columns, 3)``."""
+        """Picture of the page, ``(rows, columns, 3)``."""
         data = base64.b64decode(self.call("Page.captureScreenshot")["data"])
         return matplotlib.image.imread(io.BytesIO(data))[..., :3]
 
@@ -139,7 +139,7 @@ class Tab:
             self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=39)
 
     def hovered(self, x: float, y: float) -> dict[str, str]:
-        """What stands beside the pointer."""
+        """Words beside the pointer."""
         self.mouse("Moved", x, y)
         self.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
         rows = r"mesh frequency \(rad/s\): (.*?) epsilon: (.*?) growth rate \(1/s\): (.*?) region: (.*?) *$"
@@ -149,7 +149,7 @@ class Tab:
 
 
 def until(ready: Callable[[], Any]) -> Any:
-    """What is true in the end."""
+    """Return the first true value."""
     end = time.monotonic() + 60
     while not (found := ready()):
         assert time.monotonic() < end, "the browser does not answer"

@@ -1,4 +1,4 @@
-"""What the page on first steps shows: its commands run, its names are those of a result, its rules make figures."""
+"""Page on first steps: its commands run, its names are those of a result, its rules make figures."""
 
 from __future__ import annotations
 

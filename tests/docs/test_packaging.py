@@ -1,4 +1,4 @@
-"""What an installation relies on: dependencies, lock, version, build with and without a compiler, make targets."""
+"""Requirements of an installation: dependencies, lock, version, build with and without a compiler, make targets."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ import sys
 import tarfile
 import tomllib
 import zipfile
+from importlib.metadata import requires
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from packaging.markers import Marker
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
@@ -52,10 +54,10 @@ def imported_modules(folder: Path) -> set[str]:
     return found
 
 
-def locked(root: Path) -> dict[str, list[tuple[str, str]]]:
-    """Name -> [(version, environment marker)] of the lock."""
+def locked(root: Path, lock: str = "requirements") -> dict[str, list[tuple[str, str]]]:
+    """Name -> [(version, environment marker)] of a lock."""
     pins: dict[str, list[tuple[str, str]]] = {}
-    for line in (root / "scripts" / "requirements.lock").read_text().splitlines():
+    for line in (root / "scripts" / f"{lock}.lock").read_text().splitlines():
         if found := re.match(r"([A-Za-z0-9._-]+)==(\S+)(?: ; (.*?))? \\$", line):
             pins.setdefault(canonicalize_name(found[1]), []).append((found[2], found[3] or ""))
     return pins
@@ -81,7 +83,8 @@ def test_each_dependency_has_its_reason(root: Path) -> None:
 
 def test_lock_pins_what_the_project_asks_for(root: Path, project: dict) -> None:
     pins = locked(root)
-    wanted = requirements(project["dependencies"]) | requirements(project["optional-dependencies"]["dev"])
+    extras = project["optional-dependencies"]
+    wanted = requirements([*project["dependencies"], *extras["dev"], *extras["build"]])
     assert wanted.keys() <= pins.keys()
     for name, requirement in wanted.items():
         assert all(requirement.specifier.contains(version) for version, _ in pins[name]), name
@@ -118,13 +121,36 @@ def test_the_recipe_for_conda_asks_for_the_same(root: Path, project: dict) -> No
     assert str(wanted["isal"].marker).split('"')[1].lower().replace("amd64 ", "").split() == some.split(" or ")
 
 
-def test_lock_is_hashed_and_names_no_host(root: Path) -> None:
-    text = (root / "scripts" / "requirements.lock").read_text()
-    entries = re.split(r"\n(?=\S)", text)
-    pinned = [entry for entry in entries if "==" in entry.splitlines()[0]]
-    assert pinned
-    assert all("--hash=sha256:" in entry for entry in pinned)
-    assert "://" not in text
+def entries(root: Path, lock: str) -> list[str]:
+    """The pinned packages of a lock, each with its hashes."""
+    text = (root / "scripts" / f"{lock}.lock").read_text()
+    return [entry.strip() for entry in re.split(r"\n(?=\S)", text) if "==" in entry.splitlines()[0]]
+
+
+@pytest.mark.parametrize("lock", ["requirements", "runtime"])
+def test_lock_is_hashed_and_names_no_host(root: Path, lock: str) -> None:
+    assert entries(root, lock)
+    assert all("--hash=sha256:" in entry for entry in entries(root, lock))
+    assert "://" not in (root / "scripts" / f"{lock}.lock").read_text()
+
+
+def test_the_lock_of_the_program_is_a_part_of_the_whole_one(root: Path) -> None:
+    assert set(entries(root, "runtime")) < set(entries(root, "requirements"))
+
+
+def test_the_lock_of_the_program_holds_what_it_needs_and_no_more(root: Path, project: dict) -> None:
+    """By the requirements that the installed packages declare."""
+    asked = [*project["dependencies"], *project["optional-dependencies"]["build"]]
+    needed: set[str] = set()
+    while asked:
+        requirement = Requirement(asked.pop())
+        name = canonicalize_name(requirement.name)
+        if name not in needed and (requirement.marker is None or requirement.marker.evaluate({"extra": ""})):
+            needed.add(name)
+            asked += requires(name) or []
+    pins = locked(root, "runtime")
+    here = {name for name in pins if any(not marker or Marker(marker).evaluate() for _, marker in pins[name])}
+    assert here == needed
 
 
 def test_version_stands_once(root: Path, project: dict) -> None:
@@ -146,7 +172,7 @@ HOOK = "import sys; from setuptools import build_meta; print(build_meta.{hook}(s
 
 
 def packed(folder: Path, out: Path, hook: str) -> Path:
-    """What a hook of the build makes of a source tree."""
+    """Archive that a hook of the build makes of a source tree."""
     out.mkdir(exist_ok=True)
     command = [sys.executable, "-W", "ignore", "-c", HOOK.format(hook=hook), str(out)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)

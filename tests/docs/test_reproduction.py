@@ -22,7 +22,7 @@ PAPERS = ("lin_parker_2002", "oh_grosh_barber_2005", "kuria_kihiu_2008", "parker
 
 
 def chapters(lines: list[str]) -> list[list[str]]:
-    """What stands before the first chapter, and each chapter with the empty line before it."""
+    """Return the lines before the first chapter, and each chapter with the empty line before it."""
     starts = [k - 1 for k, line in enumerate(lines) if line.startswith("## ")]
     return [lines[a:b] for a, b in pairwise([0, *starts, len(lines)])]
 
@@ -55,14 +55,14 @@ def test_the_table_is_what_is_computed_now(root: Path, committed: list[str], num
 
 
 def test_the_known_disagreements_are_there(committed: list[str]) -> None:
-    """What was derived apart from this program: (32) and the maximum under (22) are wrong, and 0.23 in Fig. 7(a)."""
+    """Derived apart from this program: (32) and the maximum under (22) are wrong, and 0.23 in Fig. 7(a)."""
     differing = [line.split("|")[1].strip() for line in committed if "| **differs** |" in line]
     for place in ("3.2, (32)", "3.1, below (22)", "3.3, Fig. 7(a)"):
         assert place in differing
 
 
 def test_the_known_disagreements_of_parker_2009_are_there(committed: list[str]) -> None:
-    """What was derived apart from this program: k_cu as printed does not give omega_3 of the same table."""
+    """Derived apart from this program: k_cu as printed does not give omega_3 of the same table."""
     rows = [line for line in committed if line.startswith("| Table 1 |")]
     (as_printed,) = [line for line in rows if "| k_cu = 5e11 N/m" in line]
     assert "omega_3 = 1.1158" in as_printed
@@ -140,7 +140,7 @@ def test_no_verdict_is_written_down(root: Path) -> None:
 
 
 def verdicts(committed: list[str], start: str) -> list[str]:
-    """Those of the rows that begin so."""
+    """Verdicts of the rows that begin so."""
     rows = [re.split(r"(?<!\\)\|", line) for line in committed if line.startswith(start)]
     assert rows, start
     return [row[4].strip() for row in rows]

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from driven import integrated
 from random_trains import light_train
-from systems import DAMPING, G2, MASS, SHAFT, WITH_TERMS, Smooth, friction, with_terms
+from systems import DAMPING, G1, G2, MASS, SHAFT, WITH_TERMS, Smooth, friction, train, with_terms
 
 from gearstab.cli import group
 from gearstab.floquet import STATUS_FLAGS, solve
@@ -49,6 +49,22 @@ def test_a_mesh_may_be_written_as_a_term():
     np.testing.assert_allclose(
         analyse(other, OMEGA).growth_rate, analyse(system, OMEGA).growth_rate, rtol=1e-12, atol=1e-14
     )
+
+
+def test_a_free_train_that_drives_itself_grows_fastest_as_a_whole():
+    """With D = -2 a M, q = exp(a t) y takes the damping out of stable motions; the train as a whole grows as
+    exp(2 a t), since K does not hold it."""
+    a, free = 0.01, train(0.1, shaft=0.0)
+    # A term too small to count makes it a system of the first-order form.
+    term = PeriodicTerm("nothing", G1, G1, Constant(1e-300))
+    system = replace(free, damping=-2 * a * free.mass, terms=(term,))
+    omega = np.array([1.3, 3.1, 6.4])
+    # The stiffness of y is less by a^2 M: 1 % in Omega is more than that moves any edge.
+    assert (solve(free, np.outer(omega, [0.99, 1.0, 1.01]).ravel()).stable == 1).all()
+    found = solve(system, omega, exponents=True)
+    np.testing.assert_array_equal(found.stable, 0)
+    np.testing.assert_allclose(found.growth_rate, 2 * a, rtol=1e-9)
+    np.testing.assert_allclose(np.sort(found.exponents.real, axis=-1)[..., -2], a, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", WITH_TERMS)

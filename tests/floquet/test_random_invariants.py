@@ -1,4 +1,4 @@
-"""What must hold of any valid configuration, from the document to the growth rates, whatever its numbers are."""
+"""Laws of any valid configuration, from the document to the growth rates, whatever its numbers are."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gearstab.systems import build
 
 FREQUENCIES = np.array([0.37, 0.83, 1.19, 1.94, 3.1])
 NEAR = 1e-4
-"""Of growth per common period: multipliers are within 1e-9, and a double one moves by the square root of that."""
+"""Error of growth per common period: multipliers are within 1e-9, and a double one moves by the square root of that."""
 MASS, RATE = 3.0, 7.0
 """New units: numbers of masses are so many times as large, and those of rates."""
 

@@ -110,7 +110,7 @@ def test_rigid_motion_is_told_from_a_mesh_without_a_mean():
 
 
 def test_unit_of_stiffness_does_not_matter():
-    """Of a mean that cancels but for rounding, too."""
+    """A mean that cancels but for rounding counts as zero, too."""
     for size in (1e-12, 0.1, 1e12):
         # (0.3 + 0.3 + 0.3) - 0.9 leaves 1e-16.
         system = GearSystem(np.eye(1), -0.9 * size * np.eye(1), tuple(mesh([1.0], 0.3 * size) for _ in range(3)))

@@ -138,7 +138,7 @@ def test_standard_teeth_have_the_lag_of_parkers_rule_between_pitch_points_and_an
 
 @STAGES
 def test_power_the_other_way_is_time_backwards(stage: Stage) -> None:
-    """What entered leaves: the lag is c_s - c_r less that of power from the sun."""
+    """Teeth that entered leave: the lag is c_s - c_r less that of power from the sun."""
     there, back = stage.planet_set(True), stage.planet_set(False)
     turns = there.entry_lag + back.entry_lag - there.sun.contact_ratio + there.ring.contact_ratio
     assert turns == pytest.approx(round(turns), abs=1e-9)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from math import pi
 
 import numpy as np
 import pytest
@@ -12,9 +11,10 @@ from scipy.optimize import brentq, minimize_scalar
 
 from gearstab.errors import NotPossible
 from gearstab.gears.geometry import Gear
+from gearstab.gears.loaded import equilibrium, loaded_mesh
 from gearstab.gears.mesh_stiffness import StiffnessModel, contact_stiffness, mesh_stiffness, single_stiffness
 from gearstab.gears.pair import Pair
-from gearstab.gears.relief import NO_RELIEF, FlankRelief, Relief, equilibrium, loaded_mesh
+from gearstab.gears.relief import NO_RELIEF, FlankRelief, Relief
 
 CASES = json.loads((DATA / "teeth" / "reference_relief_internal_phases.json").read_text())["relief"]
 REFERENCE = pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
@@ -174,6 +174,3 @@ def test_what_relief_cannot_do() -> None:
             loaded_mesh(pair, model, relief, 100.0)
     with pytest.raises(NotPossible, match="positive force"):
         loaded_mesh(pair, PLAIN, relief, 0.0)
-    helical = Pair(Gear(32, 0.003, helix_angle=pi / 18), Gear(48, 0.003, helix_angle=-pi / 18))
-    with pytest.raises(NotPossible, match="helical"):
-        loaded_mesh(helical, PLAIN, relief, 100.0)

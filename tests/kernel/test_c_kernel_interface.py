@@ -60,6 +60,29 @@ class TestArguments:
         with pytest.raises(TypeError, match="items of type"):
             ckernel.library.scan(*changed)
 
+    @pytest.mark.parametrize("given", [slice(0, 0), slice(0, 1), slice(0, 2), slice(0, 5), slice(0, 7), slice(0, 11)])
+    def test_missing_arguments(self, given):
+        with pytest.raises(TypeError, match="missing"):
+            ckernel.library.scan(*self.arguments()[given])
+
+    def test_arguments_too_many(self):
+        extra = np.zeros(0, dtype=complex), np.ones(self.arguments()[9].shape), 0
+        with pytest.raises(TypeError, match="too many"):
+            ckernel.library.scan(*self.arguments(), *extra)
+
+    @pytest.mark.parametrize(("position", "value"), [(0, 1), (1, 3), (1, (1, 2, 3)), (6, 0.5), (6, None), (6, 2**80)])
+    def test_arguments_of_another_kind(self, position, value):
+        changed = self.arguments()
+        changed[position] = value
+        with pytest.raises((TypeError, OverflowError)):
+            ckernel.library.scan(*changed)
+
+    def test_no_coordinates(self):
+        changed = self.arguments()
+        changed[1] = (*changed[1][:3], 0, *changed[1][4:])
+        with pytest.raises(ValueError, match="shapes"):
+            ckernel.library.scan(*changed)
+
     def test_bytes_are_no_numbers(self):
         changed = self.arguments()
         changed[9] = changed[9].tobytes()

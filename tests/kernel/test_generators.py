@@ -100,7 +100,7 @@ def test_points_have_the_same_bits_in_threads() -> None:
 
 def test_sizes_that_do_not_fit_are_refused() -> None:
     segments, generator = stacked(1, 2, 1, 2, 0, False)
-    given = list(c_kernel._of_generators(segments, generator, np.ones((1, 1))))
+    given = list(c_kernel._of_generators(segments, generator, np.ones((1, 1)), True))
     room = [np.ones((1, 1)), np.empty((1, 1)), np.empty((1, 1))]
     ckernel.library.scan_damped("plain", *given, 0, 1, 1, *room)
     for index, wrong in ((0, (1, 4, 2, 1, 4, 1, 2.0)), (6, np.ones((1, 1, 2, 2))), (7, np.ones((1, 1, 2)))):

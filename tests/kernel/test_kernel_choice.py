@@ -1,4 +1,4 @@
-"""What the environment may ask of the kernel, and one line where it is missing or asked for too much."""
+"""Choice of the kernel by the environment, and one line where it is missing or asked for too much."""
 
 from __future__ import annotations
 

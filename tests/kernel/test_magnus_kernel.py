@@ -1,4 +1,4 @@
-"""What the kernel offers for Magnus steps."""
+"""Magnus steps of the compiled kernel."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gearstab.waveforms import Rectangular
 
 
 class TestKernel:
-    """What the kernel offers for Magnus steps."""
+    """Functions of the kernel for Magnus steps."""
 
     @pytest.mark.parametrize("module", [numpy_kernel, c_kernel], ids=["numpy", "c"])
     @pytest.mark.parametrize("epsilon", [0.4, 1.0, 1.6])

@@ -140,7 +140,7 @@ class TestGivenFactors:
         assert apart(found, expected) < 1e-12
 
     def test_growth_in_the_wrong_order(self, log_multipliers):
-        """What decays stands first: the sweeps sort it."""
+        """Decaying solutions stand first: the sweeps sort them."""
         rng = np.random.default_rng(1)
         rates = np.array([-2.0, -1.5, 0.0, 1.0, 2.5, 3.0])
         factors = [(np.diag(np.exp(rates)) + 1e-9 * rng.normal(size=(6, 6)))[None] for _ in range(30)]
@@ -265,7 +265,7 @@ class TestArguments:
 
 @pytest.mark.parametrize("points", [3, 20])
 def test_many_factors_are_taken_in_portions(monkeypatch: pytest.MonkeyPatch, points: int) -> None:
-    """Of a few points at once, or without copies of the factors where one point has too many."""
+    """Few points at once, or factors without copies where one point has too many."""
     rng = np.random.default_rng(7)
     factors = [rng.normal(size=(points, 4, 4)) * [8.0, 4.0, 2.0, 1.0] for _ in range(6)]
     whole = c_kernel.graded(factors)

@@ -99,7 +99,7 @@ def test_a_planet_set_with_teeth_turned_as_a_whole_keeps_its_phases_and_growth()
 
 
 def test_a_planet_set_is_not_the_same_with_the_phases_of_other_places() -> None:
-    """What the test above would not see if growth did not hang on the phases."""
+    """The test above would see nothing if growth did not hang on the phases."""
     angles = nearest(SUN, RING, 4)
     wrong = gear(4, angles=list(angles)) | {"teeth": {"sun": SUN + 1, "planet": PLANET, "ring": RING - 1}}
     assert np.abs(growth(build(wrong)) - growth(build(gear(4, angles=list(angles))))).max() > 1e-3

@@ -15,21 +15,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven import integrated_along, train
+from driven import integrated_along, train, with_waves
 from scipy.integrate import solve_ivp
 
 import gearstab as gs
 from gearstab.config import ConfigError, load
 from gearstab.floquet import solve
+from gearstab.floquet.stability import STATUS_FLAGS
 from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.methods import METHODS, OptionError
-from gearstab.propagation.elastic import elastic_forms
+from gearstab.propagation.elastic import elastic_forms, mean_levels
 from gearstab.propagation.path import Path
 from gearstab.response import driven_response, ramp_response, steady_state
 from gearstab.rotation import Rotation
 from gearstab.system import Feature, GearSystem
 from gearstab.systems import build
-from gearstab.waveforms import Constant, Rectangular
+from gearstab.waveforms import Constant, Fourier, Rectangular, Trapezoidal
 
 Array = np.ndarray
 DATA = FilePath(__file__).parents[1] / "data" / "rotation"
@@ -72,8 +73,9 @@ def rotor(rotation: dict[str, Any], mass: Any, stiffness: Any, damping: Any = No
         "kind": "matrices", "mass": mass, "stiffness": stiffness, "meshes": [mesh],
         "rotation": {"speed": speed, **rotation},
     } | ({"damping": damping} if damping is not None else {})  # fmt: skip
-    (form,) = elastic_forms(build(load({"system": system}).system))
-    values = np.linalg.eigvals(form.generators(np.zeros(1))) * form.rate
+    built = build(load({"system": system}).system)
+    ((form,), (level,)) = elastic_forms(built), mean_levels(built)
+    values = np.linalg.eigvals(form.generators(level)) * form.rate
     return values[np.lexsort((values.real, values.imag))]
 
 
@@ -106,6 +108,44 @@ def test_rotating_damping_destabilises_above_a_speed() -> None:
             [[still + turning, 0], [0, still + turning]], row["speed_rad_s"],
         )  # fmt: skip
         assert values.real.max() == pytest.approx(row["growth"], rel=1e-9)
+
+
+def test_a_disc_that_tilts() -> None:
+    """I w^2 -+ I_p W w - k = 0: the forward motion rises, the backward one falls."""
+    given = ROTORS["tilting"]["inputs"]
+    diametral, polar, k = given["Id"], given["Ip"], given["k"]
+    for row in ROTORS["tilting"]["rows"][1:]:
+        gyroscopic = {"gyroscopic": [[0, polar], [-polar, 0]]}
+        mass, stiffness = [[diametral, 0], [0, diametral]], [[k, 0], [0, k]]
+        values = rotor(gyroscopic, mass, stiffness, speed=row["speed_rad_s"])
+        np.testing.assert_allclose(values.imag[values.imag > 0], np.sort(np.abs(row["whirl_rad_s"])), rtol=1e-9)
+        np.testing.assert_allclose(values.real, 0.0, atol=1e-9)
+
+
+STILL: dict[str, Any] = {"gyroscopic": [[0, 0], [0, 0]]}
+"""A rotation that nothing acts with."""
+
+
+def test_cross_coupled_bearings_flutter_above_a_threshold() -> None:
+    """Unsymmetric stiffness: |q| > c sqrt(k/m)."""
+    given, own = ROTORS["cross_coupled"]["inputs"], ROTORS["cross_coupled"]
+    m, c, k = given["m"], given["c"], given["k"]
+    for row in own["rows"]:
+        q = row["q_over_threshold"] * own["threshold_q_N_m"]
+        values = rotor(STILL, [[m, 0], [0, m]], [[k, q], [-q, k]], [[c, 0], [0, c]])
+        # The growth is a small part of the exponents, of 632 1/s, whose rounding it has.
+        assert values.real.max() == pytest.approx(row["growth"], rel=1e-9, abs=1e-10)
+
+
+def test_a_journal_bearing_has_a_critical_mass() -> None:
+    """Unsymmetric stiffness and full damping matrices; at the critical mass it whirls with a frequency of its own."""
+    own, given = ROTORS["journal"], ROTORS["journal"]["inputs"]
+    stiffness, damping = ([[given[f"{x}{i}{j}"] for j in "xy"] for i in "xy"] for x in "kc")
+    for row in [*own["rows"], {"mass_over_critical": 1.0, "growth": 0.0}]:
+        m = row["mass_over_critical"] * own["critical_mass_kg"]
+        values = rotor(STILL, [[m, 0], [0, m]], stiffness, damping)
+        assert values.real.max() == pytest.approx(row["growth"], rel=1e-9, abs=1e-10)
+    assert abs(values.imag[values.real.argmax()]) == pytest.approx(own["whirl_rad_s"], rel=1e-9)
 
 
 G = np.array([[0.0, 0.3, -0.2], [-0.3, 0.0, 0.4], [0.2, -0.4, 0.0]])
@@ -147,6 +187,61 @@ def test_a_speed_that_is_held_is_that_of_its_ratio() -> None:
     )
     found, expected = (solve(s, np.array([OMEGA]), exponents=True).exponents for s in (held, turning()))
     np.testing.assert_allclose(found, expected, atol=1e-13)
+
+
+SMOOTH = Trapezoidal(1.6, 0.2), Fourier(np.array([0.3, 0.1]), np.array([-0.2, 0.05]))
+
+
+@pytest.mark.parametrize("holds", [False, True])
+@pytest.mark.parametrize("damped", [False, True])
+def test_multipliers_with_smooth_waves(holds: bool, damped: bool) -> None:
+    """Of many speeds at once, by integration (DOP853, between kinks) at two of them."""
+    system = with_waves(turning() if damped else replace(turning(), damping=None), *SMOOTH)
+    if not damped:
+        (own,) = system.rotations
+        system = replace(system, rotations=(replace(own, circulatory=None),))
+    if holds:
+        system = replace(system, rotations=(replace(system.rotations[0], speed_ratio=None, speed=-0.9),))
+    omega = np.linspace(0.9, 2.9, 60)
+    found = solve(system, omega, exponents=True)
+    assert not np.any(found.status & STATUS_FLAGS["not_converged"])
+    for k in (4, 51):
+        product, period = integrated_period(system, float(omega[k]))
+        expected, own = np.linalg.eigvals(product), np.exp(found.exponents[0, k] * period)
+        gap = np.abs(own[:, None] - expected)
+        # The tolerance of the multipliers, relative to the largest.
+        assert max(gap.min(axis=0).max(), gap.min(axis=1).max()) < 2e-9 * np.abs(expected).max()
+
+
+def integrated_period(system: GearSystem, omega: float) -> tuple[Array, float]:
+    """(monodromy matrix of (q, q'), the common period) at one mesh frequency."""
+    n, (cycles, _) = system.size, system.common_period()
+    (rotation,) = system.rotations
+    w = float(rotation.speed) if rotation.speed_ratio is None else float(rotation.speed_ratio) * omega
+    static, drag = system.stiffness.copy(), system.damping_matrix.copy()
+    for matrix, target, factor in (
+        (rotation.gyroscopic, drag, w), (rotation.circulatory, static, w), (rotation.centripetal, static, w**2),
+    ):  # fmt: skip
+        if matrix is not None:
+            target += factor * matrix
+    kinks = [0.0, 2 * np.pi * float(cycles) / omega]
+    for mesh in system.meshes:
+        ratio = float(mesh.frequency_ratio)
+        every = (np.ravel(mesh.waveform.breakpoints())[:, None] + float(mesh.lag) + np.arange(-2, 40)) / ratio
+        kinks += [t for t in np.ravel(every * 2 * np.pi / omega) if 0 < t < kinks[1]]
+
+    def slope(t: float, x: Array) -> Array:
+        stiffness = static.copy()
+        for mesh in system.meshes:
+            wave = mesh.waveform.value(np.array(float(mesh.frequency_ratio) * omega * t / (2 * np.pi) - mesh.lag))
+            stiffness += mesh.mean_stiffness * (1 + 2 * mesh.epsilon * wave) * mesh.outer
+        q = x.reshape(2 * n, 2 * n)
+        return np.concatenate([q[n:], np.linalg.solve(system.mass, -stiffness @ q[:n] - drag @ q[n:])]).ravel()
+
+    state = np.eye(2 * n).ravel()
+    for begin, end in pairwise(sorted(kinks)):
+        state = solve_ivp(slope, (begin, end), state, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    return state.reshape(2 * n, 2 * n), kinks[1]
 
 
 def test_units_do_not_matter() -> None:

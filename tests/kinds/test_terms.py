@@ -17,7 +17,7 @@ WAVEFORMS = CONFIGS / "waveforms"
 
 
 def multipliers(inertia, damping, stiffness, period: float, edges) -> np.ndarray:
-    """Of M q'' + C(t) q' + K(t) q = 0 by DOP853, begun anew at every kink; both functions of time."""
+    """Multipliers of M q'' + C(t) q' + K(t) q = 0 by DOP853, begun anew at every kink; both functions of time."""
     n = len(inertia)
     inverse = np.linalg.inv(inertia)
     y = np.eye(2 * n)

@@ -11,8 +11,8 @@ from gearstab.mesh import Mesh
 from gearstab.modal import modal_damping_matrix
 from gearstab.passage import propagator
 from gearstab.passage.propagator import best_pair, growth, motion, motions
+from gearstab.propagation.magnus import product
 from gearstab.propagation.path import Path
-from gearstab.propagation.products import product
 from gearstab.system import GearSystem
 from gearstab.waveforms import Fourier, Rectangular, Trapezoidal
 

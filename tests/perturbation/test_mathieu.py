@@ -123,7 +123,7 @@ WAVES = {
 
 @pytest.mark.parametrize("name", WAVES)
 def test_edges_are_those_of_hills_method(name: str) -> None:
-    """Of every waveform, through its Fourier coefficients alone."""
+    """Edges of every waveform, through its Fourier coefficients alone."""
     wave, epsilon, harmonics, tolerance = WAVES[name]
     expected = hill(wave, epsilon, harmonics)
     expected = expected[(expected > 0.5) & (expected < 3.0)]

@@ -22,7 +22,7 @@ EPSILON = np.array([0.01, 0.02, 0.04])
 
 
 def slopes(errors: list[float]) -> np.ndarray:
-    """Of log error over log epsilon, for epsilons that double."""
+    """Slopes of log error over log epsilon, for epsilons that double."""
     return np.diff(np.log(errors)) / np.log(2)
 
 

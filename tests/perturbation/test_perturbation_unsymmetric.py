@@ -242,7 +242,7 @@ def as_terms(system: GearSystem, numbers: tuple[int, ...]) -> GearSystem:
 
 @pytest.mark.parametrize("damped", ["damped", "undamped", "partly damped"])
 def test_symmetric_terms_are_meshes(damped: str) -> None:
-    """What symmetric terms add is what meshes add, to rounding, doublets included; differences never open."""
+    """Symmetric terms add the same as meshes, to rounding, doublets included; differences never open."""
     damping = {"damped": star(0.0, 0.05).damping, "undamped": None, "partly damped": np.diag([0.0, 0.0, 0.01])}[damped]
     for plain in (star(0.0, 0.05), random_train(2, 0.05)):
         own = replace(plain, terms=(), damping=damping if plain.size == 3 else plain.damping)
@@ -263,7 +263,7 @@ def test_symmetric_terms_are_meshes(damped: str) -> None:
 
 @pytest.mark.parametrize("twin", [False, True])
 def test_meshes_that_all_but_cancel_stay_symmetric(twin: bool) -> None:
-    """Of two meshes 1e-9 of B is left, and its last seven digits are rounding: GH must be real all the same."""
+    """Two meshes leave 1e-9 of B, and its last seven digits are rounding: GH must be real all the same."""
     sides = ([0.7, 0.31, 0.2], [0.7, -0.31, 0.2])
     meshes = tuple(
         Mesh(name, np.array(g), np.ones(()), np.array(0.1 * part), WAVE, lag=0.13)
@@ -380,7 +380,7 @@ def test_a_circulatory_mean_makes_a_doublet_flutter() -> None:
 
 
 def test_rows_are_solved_as_single_systems() -> None:
-    """Of a batch whose rows differ in epsilon, friction, contact ratio, lag, damping and degeneracy."""
+    """Rows of a batch that differ in epsilon, friction, contact ratio, lag, damping and degeneracy."""
     values = np.array([[0.0, 0.3, 1.5, 0.0], [0.05, 0.0, 1.3, 0.2], [0.02, -0.5, 1.5, 0.4], [0.03, 0.8, 1.7, 0.1]])
     extra = np.array([0.0, 0.0, 0.3, 0.0])
 

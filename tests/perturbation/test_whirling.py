@@ -119,7 +119,7 @@ ROWS = [(case["system"] | {"speed_held": case["speed_held"]}, row) for case in T
 def test_boundaries_lie_where_the_growth_of_the_amplitude_equations_is_zero(
     given: dict[str, Any], row: dict[str, Any]
 ) -> None:
-    """Of both scales: at the offset of the reference, inside or outside, and at its centre."""
+    """Boundaries of both scales: at the offset of the reference, inside or outside, and at its centre."""
     for scale, growth in zip(row["scales"], row["first_order_growth_over_scale"], strict=True):
         system = built(given, scale, given["speed_held"], scale)
         center, half, _, (low, high) = named(system, row)

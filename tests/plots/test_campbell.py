@@ -13,6 +13,7 @@ import gearstab
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
 from gearstab.plots.maps.branches import followed
+from gearstab.plots.maps.campbell import said
 from gearstab.plots.view import Request
 
 SHAFT = np.linspace(0.2, 9.0, 12)
@@ -111,6 +112,28 @@ def test_every_order_has_its_number_and_every_mark_its_entry(train) -> None:
     assert sorts <= set(entries)
 
 
+def test_numbers_of_orders_are_clear_of_lines_and_marks(train) -> None:
+    """Each lies on its own line, inside the frame, over no other number and no mark, and on no natural frequency."""
+    for select in ({"epsilon": "0.3", "input_shaft_stiffness": "0.2"}, {"epsilon": "0", "input_shaft_stiffness": "9"}):
+        figure, artists = draw(train, "campbell", select=select)
+        (ax,), (panel,) = figure.axes, artists["panels"]
+        numbers = [text for text in ax.texts if "times" in text.get_text()]
+        boxes, frame = [text.get_window_extent() for text in numbers], ax.get_window_extent()
+        assert len(boxes) == 3
+        for k, box in enumerate(boxes):
+            assert frame.x0 <= box.x0 < box.x1 <= frame.x1
+            assert frame.y0 <= box.y0 < box.y1 <= frame.y1
+            assert not any(box.overlaps(other) for other in boxes[:k])
+        marks = [mark for sort in ("regions", "closed") for mark in panel[sort].values()]
+        places = np.concatenate([ax.transData.transform(np.asarray(mark.get_offsets())) for mark in marks])
+        assert not any(box.contains(*place) for box in boxes for place in places)
+        levels = [ax.transData.transform((0.0, line.get_ydata()[0]))[1] for line in panel["modes"]]
+        assert not any(box.y0 < level < box.y1 for box in boxes for level in levels)
+        for text, line in zip(numbers, panel["orders"], strict=True):
+            slope = np.ptp(line.get_ydata()) / np.ptp(line.get_xdata())
+            assert text.get_position()[1] == pytest.approx(slope * text.get_position()[0])
+
+
 def test_bands_are_the_regions_and_names_those_of_the_widest(train) -> None:
     _, artists = draw(train, "campbell", select={"epsilon": "0.3", "input_shaft_stiffness": f"{SHAFT[0]}"})
     (panel,) = artists["panels"]
@@ -192,6 +215,11 @@ def test_input_speeds_in_rpm_and_frequencies_in_hertz() -> None:
     edges = tree["perturbation"]["boundary_frequency"].values / (2 * np.pi) / 20 * 60
     spans = np.array([path.vertices[:, 0].min() for path in panel["bands"].get_paths()])
     assert set(np.round(spans, 6)) <= set(np.round(np.clip(edges, 300, 6000)[:, 0], 6))
+
+
+def test_meshes_of_a_planetary_set_are_named_by_it() -> None:
+    assert said(["planets.sun.1", "planets.sun.2", "planets.ring.1"]) == "planets"
+    assert said(["sun1", "ring1", "second.part"]) == "sun1, ring1, second.part"
 
 
 def test_frequencies_from_two_thousand_hertz_on_are_drawn_in_kilohertz() -> None:

@@ -14,7 +14,7 @@ from scenes import read
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
 from gearstab.plots.view import Request
-from gearstab.respond import respond
+from gearstab.response.command import respond
 from gearstab.results import open_result
 
 

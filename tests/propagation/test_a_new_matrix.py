@@ -178,7 +178,7 @@ def test_a_method_that_does_not_declare_it_refuses(name: str) -> None:
 
 def test_methods_that_take_the_first_order_form_declare_it() -> None:
     declared = {name for name, method in METHODS.items() if Feature.UNSYMMETRIC_DAMPING in method.supports}
-    refuse = {"branches", "required_damping", "tongue_probability", "uncoupled"}
+    refuse = {"branches", "tongue_probability", "uncoupled"}
     assert declared == set(METHODS) - refuse
     assert unsupported(toy(), METHODS["floquet"].supports) is None
 

@@ -64,7 +64,7 @@ def read(folder: Path, text: str | bytes, *overrides: str) -> Config:
 
 
 def problems(folder: Path, text: str | bytes, *overrides: str) -> Sequence[Problem]:
-    """What is wrong with a configuration, of which something must be."""
+    """Problems of a configuration, at least one."""
     with pytest.raises(ConfigError) as caught:
         read(folder, text, *overrides)
     return caught.value.problems

@@ -47,7 +47,7 @@ FOLDER = "GEARSTAB_TEST_FOLDER"
 
 
 def value(stiffness: float) -> np.ndarray:
-    """What the method gives."""
+    """Value of the method."""
     return np.sin(stiffness * np.array([1.0, 2.0, 3.0]))
 
 
@@ -61,7 +61,7 @@ class Faulty(Floquet):
 
 
 def computed(stiffness: float) -> Outcome:
-    """What the method gives for a row, unless the files tell otherwise."""
+    """Outcome of the method for a row, unless the files tell otherwise."""
     folder = Path(os.environ[FOLDER])
     name = f"{stiffness:g}"
     with open(folder / "log", "a") as log:

@@ -19,7 +19,7 @@ Parameters = dict[str, Any]
 
 
 def both(value: Any) -> tuple[Any, Any]:
-    """What is given for both meshes, or for each of them."""
+    """Return the value given for both meshes, or for each of them."""
     return value if isinstance(value, tuple | list) else (value, value)
 
 

@@ -154,7 +154,7 @@ def test_damping_only_takes_energy() -> None:
 
 
 def test_a_free_train_turns_as_the_torques_say() -> None:
-    """What happens between the teeth does not act on it as a whole: r^T M q'' = r^T f for the rigid-body motion r."""
+    """Forces between the teeth do not act on it as a whole: r^T M q'' = r^T f for the rigid-body motion r."""
     system = loose(train(input_shaft_stiffness=0.0, damping_ratio=0.0), 0.3, 0.2)
     meshes = tuple(replace(mesh, damping=0.0) for mesh in system.meshes)
     system = replace(system, meshes=meshes, damping=None)

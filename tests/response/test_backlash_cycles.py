@@ -1,4 +1,4 @@
-"""What motions with backlash settle to, and how a configuration asks for them."""
+"""Motions with backlash after a long time, and how a configuration asks for them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from gearstab.config import ConfigError, load
 from gearstab.errors import PlotError
 from gearstab.floquet import solve
 from gearstab.plots import draw
-from gearstab.respond import effort
 from gearstab.response.backlash import BACKLASH_FLAGS, BacklashResponse, backlash_response
 from gearstab.response.backlash.speeds import speed_cycles
+from gearstab.response.command import effort
 from gearstab.response.linear.speeds import speed_response
 from gearstab.results import open_result
 from gearstab.system import GearSystem
@@ -105,7 +105,7 @@ def test_point_a_stays_bounded_with_damping_and_quiet_where_it_is_stable() -> No
 
 
 def test_much_larger_motions_than_the_backlash_grow_as_without_it() -> None:
-    """What loss of contact cannot stop: the rate is that of the linear system, by Floquet theory."""
+    """Loss of contact cannot stop such growth: the rate is that of the linear system, by Floquet theory."""
     system, omega = loaded_a(0.0, 0.01, 2.0), 4.2
     period = 2 * np.pi / omega
     found = backlash_response(system, omega, 300 * period, (np.array([1.0, 1.0, 1.0]), np.zeros(3)), 4)

@@ -171,7 +171,7 @@ def test_cells_hold_the_functions() -> None:
     prepared = model(*CASES["many harmonics"])
     table = follow.timetable(prepared, 1e-12)
     u = np.linspace(0.01, 0.99, 7)
-    tau = (table.span[:, :1] + u * np.diff(table.span)) / prepared.motion.period
+    tau = table.span[:, :1] + u * np.diff(table.span)
     values = np.einsum("xk,ckj->cxj", np.vander(u, table.order, increasing=True), table.shapes)
     np.testing.assert_allclose(values.reshape(-1, 2), prepared.values(tau.ravel()), atol=1e-13)
     np.testing.assert_allclose(table.span[1:, 0], table.span[:-1, 1], rtol=1e-15)
@@ -200,7 +200,7 @@ class TestArguments:
 
     @pytest.fixture
     def given(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-        """Those of a first call."""
+        """Arguments of a first call."""
         calls: list[list[Any]] = []
 
         class Library:
@@ -213,7 +213,8 @@ class TestArguments:
 
         system, omega = CASES["planets"]
         prepared = model(system, omega)
-        motion = follow.follow(prepared, prepared.motion.state(*pushed(system)), 1e-12)
+        course = follow.Course.of(prepared, 1e-12)
+        motion = follow.follow(course, prepared.motion.state(*pushed(system)), 1e-12)
         monkeypatch.setattr(ckernel, "library", Library())
         with pytest.raises(follow.Chatter):
             next(motion)

@@ -108,3 +108,20 @@ def test_bearings_of_a_train_without_any_are_refused():
     system = TRAIN | {"input_shaft_stiffness": 0.0}
     with pytest.raises(ConfigError, match="no bearing and no shaft"):
         swept(system, [SPEED])
+
+
+def test_orders_of_a_slow_run_up_are_those_of_steady_states():
+    """So slowly that the motion follows: within the part by which the speed changes in a window."""
+    respond = {"mesh_frequency": 9000.0, "ramp": {"to": 9400.0, "rate": 400.0}, "samples_per_cycle": 40}
+    found = gearstab.respond({"system": GEARBOX, "respond": respond})["response"]
+    middle = found.sizes["mesh_frequency"] // 2
+    steady = swept(GEARBOX, [float(found["mesh_frequency"][middle])], samples_per_cycle=400)
+    for name in ("bearing_force_harmonic", "shaft_torque_harmonic"):
+        ramp, expected = found[name].values[middle], steady[name].values[0]
+        np.testing.assert_allclose(ramp, expected, rtol=0.01, atol=0.01 * expected.max())
+    np.testing.assert_allclose(found["mesh_order"], steady["mesh_order"])
+    system, last = gearstab.build(GEARBOX), found.isel(time=-1)
+    for item in system.connections:
+        name = "shaft_torque" if item.unit == "N m" else "bearing_force"
+        force = item.force(last["displacement"].values, last["velocity"].values)
+        assert float(last[name].sel({item.part.value: item.name})) == pytest.approx(float(force), rel=1e-12)

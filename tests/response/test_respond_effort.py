@@ -13,7 +13,7 @@ from systems import train
 
 from gearstab.cli import group
 from gearstab.config import load
-from gearstab.respond import computed, effort
+from gearstab.response.command import computed, effort
 
 CONFIGS = ROOT / "configs"
 SMOOTH = """
@@ -88,7 +88,7 @@ def test_it_is_said_where_it_is_long(folder: Path, monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.parametrize(("cycles", "samples"), [(50_000, 100), (1000, 5000)])
 def test_more_work_takes_longer_in_proportion(monkeypatch: pytest.MonkeyPatch, cycles: int, samples: int) -> None:
-    """Of a long history of few states nearly all is samples."""
+    """A long history of few states is nearly all samples."""
     found: list[float] = []
     monkeypatch.setattr(effort, "said", lambda seconds, why: found.append(seconds))
     for number, each in ((1000, 100), (cycles, samples)):
@@ -99,6 +99,6 @@ def test_more_work_takes_longer_in_proportion(monkeypatch: pytest.MonkeyPatch, c
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_it_is_right_within_a_factor(folder: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """Of two on the machine where it was calibrated, alone; others, and those under load, may be twice as slow."""
+    """A factor of two on the machine of its calibration, alone; others, and those under load, may be twice as slow."""
     said, took = forecast(monkeypatch, *CASES[name])
     assert 1 / 4 < said / took < 4

@@ -25,7 +25,7 @@ TRAIN = {
 }  # fmt: skip
 OMEGA = np.array([0.7, 1.9, 2.0, 5.0])
 TOGETHER = 1e-11
-"""Of sums over the same period in another order."""
+"""Difference of sums over the same period in another order."""
 
 
 def _close(one: Array, other: Array) -> None:
@@ -58,7 +58,7 @@ def test_harmonics_of_intervals_together(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_states_without_eigenvectors_are_taken_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those of critical damping are parallel."""
+    """Eigenvectors of critical damping are parallel."""
     system = gs.build({"system": TRAIN})
     expected = speed_response(system, OMEGA)
     monkeypatch.setattr(States, "each", property(lambda states: [None] * len(states.generators)))

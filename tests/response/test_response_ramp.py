@@ -14,8 +14,8 @@ from gearstab.errors import NotPossible
 from gearstab.mesh import Mesh
 from gearstab.propagation import phase
 from gearstab.propagation.path import Path
-from gearstab.respond.ramp import path_of
 from gearstab.response import RESPONSE_FLAGS, driven_response, harmonics, ramp_response
+from gearstab.response.command.ramp import path_of
 from gearstab.response.linear.equilibrium import static_equilibrium
 from gearstab.response.measures.waterfall import waterfall
 from gearstab.system import GearSystem

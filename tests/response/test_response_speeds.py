@@ -84,7 +84,7 @@ def test_what_is_not_called_unresolved_is_right(name: str) -> None:
 @given(st.lists(st.tuples(st.floats(-1, 1), st.floats(0, 2), st.floats(-3, 3)), min_size=1, max_size=4))
 @settings(deadline=None, max_examples=50)
 def test_extremes_between_samples(waves: list[tuple[float, float, float]]) -> None:
-    """Of sums of cosines of up to two radians a panel, on three panels, the ends included."""
+    """Sums of cosines of up to two radians a panel, on three panels, the ends included."""
 
     def value(t: np.ndarray, order: int = 0) -> np.ndarray:
         return sum((a * w**order * np.cos(w * t + c + order * np.pi / 2) for a, w, c in waves), np.zeros(t.shape))
@@ -109,7 +109,7 @@ def test_extremes_of_what_is_constant_and_of_what_is_not_known() -> None:
 
 
 def test_root_mean_squares_are_parseval_sums() -> None:
-    """Of the transmission error, whose series converges as h^-3: to 1e-8, from Fourier integrals."""
+    """Root mean squares of the transmission error, whose series converges as h^-3: to 1e-8, from Fourier integrals."""
     system = train()
     found = speed_response(system, np.array([1.4]), 400)
     amplitude = np.abs(harmonics(system, 1.4, 200).mesh_deflection[1:])
@@ -272,7 +272,7 @@ def test_a_system_that_nothing_drives_is_refused(tmp_path: Path) -> None:
 
 
 def planetary(**changes: object) -> dict[str, object]:
-    """Of the run-up among the configurations: torques on sun and carrier, the ring on a foundation."""
+    """Document of the run-up among the configurations: torques on sun and carrier, the ring on a foundation."""
     root = ROOT
     return plain(load(root / "configs" / "response" / "planetary_speeds.yaml").system) | changes
 

@@ -199,7 +199,7 @@ def test_a_variable_of_terabytes_is_not_read(
 def test_numbers_that_are_taken_for_lists_are_not_read(
     folder: Path, capsys: pytest.CaptureFixture[str], command: str, sealed: bool
 ) -> None:
-    """What HDF5 takes for lengths and addresses is anything: it crashes."""
+    """HDF5 takes anything for lengths and addresses: it crashes."""
     path = folder / "sweep.h5"
     with h5py.File(path, "r+") as file:
         del file["modes/mode"]

@@ -64,7 +64,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 OLD = {"png": b"\x89PNG old", "pdf": b"%PDF-old", "svg": b"<svg></svg>", "export": b"epsilon,growth_rate\n"}
-"""What may be replaced; the sweep has the result of an earlier one."""
+"""Files that may be replaced; the sweep has the result of an earlier one."""
 
 
 @pytest.mark.parametrize(

@@ -308,7 +308,7 @@ def test_room_is_that_of_the_folder_that_is_there(tmp_path: Path) -> None:
 
 
 def test_two_never_replace_at_once(tmp_path: Path) -> None:
-    """Of two processes that may replace only what they saw, one sees the other's."""
+    """Two processes may replace only what they saw: one sees the other's."""
     out = tmp_path / "out"
     inside, most = [0], [0]
 

@@ -138,7 +138,7 @@ def test_values_without_a_variable_are_refused() -> None:
 
 
 def stored(data: bytes, chunk: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
-    """What HDF5 makes of an encoded chunk, in a file that is opened anew, as a result is."""
+    """Read an encoded chunk by HDF5, in a file that is opened anew, as a result is."""
     with io.BytesIO() as content:
         with h5py.File(content, "w") as file:
             dataset = file.create_dataset("v", chunk, dtype, chunks=chunk, **FILTER)

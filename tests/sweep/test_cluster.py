@@ -23,7 +23,7 @@ from sweep_faults import CONFIG, FOLDER, faulty
 from gearstab.sweep import Interrupted, Reporter, SweepError, run
 from gearstab.sweep import cluster as cluster_module
 from gearstab.sweep.extension import extended
-from gearstab.sweep.storage.taken import Taken
+from gearstab.sweep.storage.previous import Previous
 
 distributed = pytest.importorskip("distributed")
 
@@ -144,13 +144,13 @@ def test_workers_are_sent_what_an_earlier_result_has(cluster: Cluster, monkeypat
     config.write_text(CONFIG)
     grown, _ = extended(faulty(config), old)
     read: list[object] = []
-    outcome = Taken.outcome
+    outcome = Previous.outcome
 
-    def counting(self: Taken, *arguments: Any) -> Any:
+    def counting(self: Previous, *arguments: Any) -> Any:
         read.append(outcome(self, *arguments))
         return read[-1]
 
-    monkeypatch.setattr(Taken, "outcome", counting)
+    monkeypatch.setattr(Previous, "outcome", counting)
     cluster.worker()
     cluster.ready(1)
     run(grown, cluster.folder / "grown.h5", 1, scheduler=cluster.address)

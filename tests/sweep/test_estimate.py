@@ -18,7 +18,7 @@ from gearstab.methods import RANGE
 from gearstab.sweep import Plan
 from gearstab.sweep.effort import estimate
 from gearstab.sweep.effort.clock import within
-from gearstab.sweep.plan import GridBlock
+from gearstab.sweep.layout import GridBlock
 
 
 @dataclass

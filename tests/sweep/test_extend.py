@@ -19,7 +19,7 @@ from gearstab.results.write import rewrite_attributes
 from gearstab.sweep import Interrupted, Plan, compute, plan, run
 from gearstab.sweep.extension import extended
 from gearstab.sweep.plan import chunk_shape
-from gearstab.sweep.storage import store, taken
+from gearstab.sweep.storage import previous, store
 
 COARSE = {"mesh_frequency": [0.6, 1.9, 3.0, 4.4, 5.2, 6.5], "epsilon": [0.0, 0.3, 0.5]}
 METHODS = "{floquet: {}, boundaries: {}, perturbation: {}}"
@@ -34,7 +34,7 @@ def config(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def computed(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
-    """What methods were run on, and at how many points."""
+    """Methods that were run, each with its number of points."""
     found: list[tuple[str, int]] = []
     run_rows = compute.run_rows
 
@@ -166,14 +166,14 @@ def test_an_interrupted_extension_goes_on(
     before, axes, out = old.read_bytes(), GROWN["finer and longer"], tmp_path / "grown.h5"
     monkeypatch.setattr(store, "MOST_SECONDS", 0.0)
     with monkeypatch.context() as patched:
-        read, calls = taken.Taken.outcome, iter(range(9))
+        read, calls = previous.Previous.outcome, iter(range(9))
 
         def interrupted(*words: object) -> object:
             if next(calls) == 2:
                 raise KeyboardInterrupt
             return read(*words)  # type: ignore[arg-type]
 
-        patched.setattr(taken.Taken, "outcome", interrupted)
+        patched.setattr(previous.Previous, "outcome", interrupted)
         with pytest.raises(Interrupted, match="blocks are kept"):
             run(extended(planned(config, axes), old)[0], out, jobs=1)
     assert not out.exists()

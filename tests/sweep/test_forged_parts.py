@@ -264,7 +264,7 @@ def found(scene: Scene) -> set[str]:
     """The finished blocks that a sweep goes on from."""
     with closing(store.Store(scene.planned, PartFolder(scene.out, scene.planned.digest))) as there:
         there.find()
-        return set(there.finished.blocks)
+        return set(there.blocks)
 
 
 def test_a_part_far_too_large_is_not_even_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -277,7 +277,7 @@ def test_a_part_far_too_large_is_not_even_read(tmp_path: Path, monkeypatch: pyte
 def test_parts_that_were_refused_are_not_taken_when_a_worker_dies(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What workers left is looked for then."""
+    """Results of workers are looked for then."""
     scene = prepared(tmp_path, "floquet", monkeypatch)
     scene.forge(scene.parts[0], ANY["a byte more"])
     with closing(store.Store(scene.planned, PartFolder(scene.out, scene.planned.digest))) as there:

@@ -22,7 +22,8 @@ from gearstab import interrupts
 from gearstab.config import load
 from gearstab.methods import Outcome
 from gearstab.sweep import Interrupted, plan, pool, run
-from gearstab.sweep.plan import GridBlock, Plan
+from gearstab.sweep.layout import GridBlock
+from gearstab.sweep.plan import Plan
 from gearstab.sweep.storage.parts import FinishedBlock
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs signals of POSIX")
@@ -223,7 +224,7 @@ def work(folder: Path) -> Path:
     "command", [pytest.param(name, marks=[] if name in ("report", "check") else pytest.mark.slow) for name in LONG]
 )
 def test_a_command_at_work_ends_within_a_second(work: Path, command: str) -> None:
-    """Of processor time: what else the machine does is not the program's. The file that was there before stays."""
+    """A second of processor time, whatever else the machine does. The file that was there before stays."""
     after, args = LONG[command]
     out = work / args[3] if "-o" in args else None
     if out is not None and command != "sweep":

@@ -1,4 +1,4 @@
-"""What is proved stable, from the command to the file and the picture."""
+"""Speeds that are proved stable, from the command to the file and the picture."""
 
 from __future__ import annotations
 

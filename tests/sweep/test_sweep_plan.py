@@ -13,7 +13,8 @@ from scenes import CONFIGS
 from gearstab.config import load
 from gearstab.errors import UserError
 from gearstab.sweep import plan
-from gearstab.sweep.plan import FEW, LONGEST, MOST, Layout, chunk_shape, shared_points
+from gearstab.sweep.layout import Layout
+from gearstab.sweep.plan import FEW, LONGEST, MOST, chunk_shape, shared_points
 
 FIG3 = CONFIGS / "lin_parker_2002" / "fig3.yaml"
 FLOQUET = next(layout.method for layout in plan(load(FIG3)).layouts if layout.method.name == "floquet")

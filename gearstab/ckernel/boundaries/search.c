@@ -21,6 +21,7 @@
 #define PATIENCE 4        /* rounds of interpolation in which a bracket must halve */
 #define ATTEMPTS 4        /* points tried where signs are lost in rounding, before a bracket is left as it is */
 #define ACCURATE 0.1      /* part of the tolerance by which the curvature may move an edge that is taken */
+#define ASIDE 0.45        /* of the floor, from a collision: two such points enclose what is narrower */
 #define SMALL 0.26        /* of the spacing: brackets whose counts are unknown are taken at face value below */
 
 /* ---- points */
@@ -197,6 +198,19 @@ static int advance(struct window *w, const struct bracket *b, struct finding *fo
     double least = is_edge ? tolerance : (left->stable ? w->order->floor : w->order->gap) * left->cycle;
     if (width <= least || b->failures >= ATTEMPTS)
         return is_edge ? add_edge(w, b, found, 0.5 * (left->cycle + right->cycle), width) : 0;
+    if (left->stable && right->stable && left->indexed && right->indexed && w->order->gap >= w->order->floor) {
+        double first, last, aside = ASIDE * w->order->floor * left->cycle;
+        int wide = wide_collisions(left, right, w->n, w->order->floor, w->passer, w->position, &first, &last);
+        if (wide == 0)
+            return 0;
+        if (wide > 0 && found->kind == OPEN && b->failures == 0 && b->age < PATIENCE) {
+            *cycle = last - first > 2.0 * aside ? 0.5 * (first + last) : first - aside;
+            if (*cycle <= left->cycle)
+                *cycle = first + aside;
+            if (*cycle > left->cycle && *cycle < right->cycle)
+                return 1;
+        }
+    }
     *cycle = somewhere(b, left->cycle, right->cycle);
     if (b->failures > 0 || b->age >= PATIENCE)
         return 1;

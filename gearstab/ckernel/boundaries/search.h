@@ -74,6 +74,17 @@ struct finding {
 
 struct finding compare(const struct sample *left, const struct sample *right, int smooth);
 
+/* ---- passing.c: collisions that are narrower than the floor */
+
+/* A multiplier of positive sign between two points: phase and speed at the first one, how far it has moved, by how much its speed at
+   either point differs from the mean one; at: to sort by. */
+struct passer {
+    double phase, speed, moved, left, right, at;
+};
+
+int wide_collisions(const struct sample *left, const struct sample *right, int64_t n, double floor_width, struct passer *room,
+                    int *order, double *first, double *last);
+
 /* ---- steps.c: where to look next */
 
 /* f + s x + p x^2 + q x^3 on 0 <= x <= 1. */

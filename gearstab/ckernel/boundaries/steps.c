@@ -19,6 +19,7 @@
 #define UNSURE 0.5    /* of a slope: where that much is in doubt it tells no edge */
 #define NARROW_BRACKET 0.05 /* step to the second point over the width of a bracket so narrow that its cubic is exact */
 #define AT_ONCE 0.1 /* of the floor: events that are predicted this near to each other are taken for one */
+#define BEYOND 1.05 /* of the time to an edge by the tangent */
 #define INSIDE 0.05 /* of the bracket: no proposal for an open one is nearer to its ends */
 
 static struct cubic through(double f, double s, double g, double t) {
@@ -238,6 +239,15 @@ static double among_several(const struct sample *left, const struct sample *righ
     return left->cycle + middle;
 }
 
+/* Between a stable point and one off the circle, with other collisions that passing.c settles: on the stable side of the edge, as far
+   as the pair off the circle tells. F is convex, so that its tangent there leads beyond the edge. */
+static double past_edge(const struct sample *left, const struct sample *right) {
+    double width = right->cycle - left->cycle, time = until_event(left->stable ? right : left, left->stable ? -1 : 1);
+    if (!(time > 0.0 && BEYOND * time < width))
+        return NAN;
+    return left->stable ? right->cycle - BEYOND * time : left->cycle + BEYOND * time;
+}
+
 /* How fast the multipliers close in at a stable point that have left the circle elsewhere at an angle. */
 static double closing_speed(const struct sample *s, const struct off *off) {
     double nearest[2] = {INFINITY, INFINITY}, speed[2] = {0.0, 0.0};
@@ -314,6 +324,11 @@ double propose(const struct sample *left, const struct sample *right, const stru
         double beside = out_of_tongue(left, right, found, floor);
         if (!isnan(beside))
             return beside;
+    }
+    if (found->kind == OPEN && left->stable != right->stable) {
+        double past = past_edge(left, right);
+        if (!isnan(past))
+            return past;
     }
     if (found->kind == OPEN)
         return left->stable || right->stable ? among_several(left, right, floor) : through_gap(left, right, found);

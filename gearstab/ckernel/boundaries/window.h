@@ -48,7 +48,8 @@ struct window {
     double *shorter;                       /* the step of each point over `step` */
     int point_room;
     struct item *items;
-    int *position;
+    int *position;         /* (2n,) */
+    struct passer *passer; /* (2n,) */
     double *phase;
     struct edge *edge;
     int64_t edges, edge_room;
@@ -114,7 +115,7 @@ static void window_free(struct window *w) {
     free(w->open), free(w->next), free(w->found);
     free(w->cycle), free(w->angle), free(w->growth), free(w->size), free(w->shorter);
     free(w->guess), free(w->fresh);
-    free(w->items), free(w->position), free(w->phase);
+    free(w->items), free(w->position), free(w->passer), free(w->phase);
     gearstab_index_free(w->index);
     w->order->level->spectra_free(w->spectra);
 }
@@ -126,9 +127,10 @@ static int window_new(struct window *w, const struct order *order) {
     w->spectra = order->level->spectra_new(order->exact);
     w->index = gearstab_index_new(w->n);
     w->items = malloc(2 * (size_t)w->n * sizeof *w->items);
-    w->position = malloc((size_t)w->n * sizeof *w->position);
+    w->position = malloc(2 * (size_t)w->n * sizeof *w->position);
+    w->passer = malloc(2 * (size_t)w->n * sizeof *w->passer);
     w->phase = malloc((size_t)w->n * sizeof *w->phase);
-    return w->spectra && w->index && w->items && w->position && w->phase ? 0 : -1;
+    return w->spectra && w->index && w->items && w->position && w->passer && w->phase ? 0 : -1;
 }
 
 static int room_for_points(struct window *w, int count) {

@@ -1,8 +1,8 @@
 /* gearstab.ckernel._kernel: the compiled kernel as Python functions over contiguous buffers.
 
    Shapes and meanings stand in kernel.h, the Python side in c_kernel.py and c_boundaries.py of gearstab/floquet/kernel.
-   Every function checks that its buffers have the sizes that its numbers promise, releases the interpreter's lock while it
-   computes, and runs at the level of vector instructions whose name it is given (see levels()). */
+   Every function describes its arguments (see module.h), of which it is checked that buffers have the sizes that the numbers
+   promise; it computes without the interpreter's lock, at the level of vector instructions whose name it is given (see levels()). */
 
 #include "module.h"
 
@@ -36,14 +36,6 @@ const struct level *level_named(const char *name) {
     return NULL;
 }
 
-/* Whether non-zero frequencies come two by two. */
-static int in_pairs(const double *frequency, Py_ssize_t m) {
-    Py_ssize_t i = 0;
-    while (i < m)
-        i += frequency[i] != 0 ? 2 : 1;
-    return i == m;
-}
-
 static PyObject *py_levels(PyObject *self, PyObject *unused) {
     (void)self, (void)unused;
     PyObject *names = PyList_New(0);
@@ -63,177 +55,31 @@ static PyObject *py_sources(PyObject *self, PyObject *unused) {
     return PyLong_FromLongLong(GEARSTAB_SOURCES);
 }
 
-static PyObject *py_scan(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    struct conservative pattern;
-    const char *name;
-    Py_ssize_t rows, segments, states, n, first, last, points;
-    if (!PyArg_ParseTuple(arguments, PATTERN "nnnOOO|OO", PATTERN_ARGUMENTS, &first, &last, &points, &o[4], &o[5], &o[6],
-                          &o[7], &o[8]) ||
-        !take(&b, o, PATTERN_TYPES "dBDZD"))
-        return finish(&b, 1, 0);
-    const struct level *level = level_named(name);
-    int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
-                          last <= rows && FITS(&b.view[4], 8, rows, points) && FITS(&b.view[5], 1, rows, points) &&
-                          FITS(&b.view[6], 8, rows, points) &&
-                          (b.view[7].len == 0 || FITS(&b.view[7], 16, rows, points, n)) &&
-                          (b.view[8].len == 0 || FITS(&b.view[8], 8, rows, points));
-    if (fit) {
-        begin_call();
-        failed = level->scan(&pattern, first, last, points, b.view[4].buf, b.view[5].buf, b.view[6].buf,
-                             wanted(&b.view[7]), wanted(&b.view[8]));
-        end_call();
-    }
-    return finish(&b, fit, failed);
+FUNCTION(symmetric, "@cn![dcnn][Dcn][Dcnn]") {
+    return c->level->symmetric(0, c->n['c'], c->n['n'], array(c, 0), array(c, 1), array(c, 2));
 }
 
-static PyObject *py_monodromy(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    struct conservative pattern;
-    const char *name;
-    Py_ssize_t rows, segments, states, n, first, last, points;
-    if (!PyArg_ParseTuple(arguments, PATTERN "nnnOOOO", PATTERN_ARGUMENTS, &first, &last, &points, &o[4], &o[5], &o[6],
-                          &o[7]) ||
-        !take(&b, o, PATTERN_TYPES "idDD"))
-        return finish(&b, 1, 0);
-    const struct level *level = level_named(name);
-    int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
-                          last <= points && FITS(&b.view[4], 8, points) && FITS(&b.view[5], 8, points) &&
-                          FITS(&b.view[6], 8, points, 2, n, 2, n) && FITS(&b.view[7], 8, points) &&
-                          indices_within(&b.view[4], points, rows);
-    if (fit) {
-        begin_call();
-        failed = level->monodromy(&pattern, first, last, b.view[4].buf, b.view[5].buf, b.view[6].buf, b.view[7].buf);
-        end_call();
-    }
-    return finish(&b, fit, failed);
+FUNCTION(eigenvalues, "@cm!:c[dcmm][Zcm]") {
+    return c->level->eigenvalues(c->first, c->last, c->n['m'], array(c, 0), array(c, 1));
 }
 
-static PyObject *py_traces(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    struct conservative pattern;
-    const char *name;
-    Py_ssize_t rows, segments, states, n, first, last, points;
-    double bound;
-    if (!PyArg_ParseTuple(arguments, PATTERN "nnndOO", PATTERN_ARGUMENTS, &first, &last, &points, &bound, &o[4], &o[5]) ||
-        !take(&b, o, PATTERN_TYPES "dZ"))
-        return finish(&b, 1, 0);
-    const struct level *level = level_named(name);
-    int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
-                          last <= rows && FITS(&b.view[4], 8, rows, points) && FITS(&b.view[5], 16, rows, points, n);
-    if (fit) {
-        begin_call();
-        failed = level->traces(&pattern, first, last, points, bound, b.view[4].buf, b.view[5].buf);
-        end_call();
-    }
-    return finish(&b, fit, failed);
+FUNCTION(graded, "@c!m!:pp[dcpmm][Zpm]") {
+    return c->level->graded(c->n['c'], c->n['m'], c->first, c->last, c->n['p'], array(c, 0), array(c, 1));
 }
 
-#include "module_damped.h"
-
-static PyObject *py_symmetric(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    const char *name;
-    Py_ssize_t count, n;
-    if (!PyArg_ParseTuple(arguments, "snnOOO", &name, &count, &n, &o[0], &o[1], &o[2]) || !take(&b, o, "dDD"))
-        return finish(&b, 1, 0);
-    const struct level *level = level_named(name);
-    int failed = 0, fit = level && n > 0 && FITS(&b.view[0], 8, count, n, n) && FITS(&b.view[1], 8, count, n) &&
-                          FITS(&b.view[2], 8, count, n, n);
-    if (fit) {
-        begin_call();
-        failed = level->symmetric(0, count, n, b.view[0].buf, b.view[1].buf, b.view[2].buf);
-        end_call();
-    }
-    return finish(&b, fit, failed);
+FUNCTION(light_modes, "cn![dcn][dcnn][dcnn][Zc2n][Zc2n2n][Zc2n2n][Bc]") {
+    return gearstab_light_modes(c->n['c'], c->n['n'], array(c, 0), array(c, 1), array(c, 2), array(c, 3), array(c, 4),
+                                array(c, 5), array(c, 6));
 }
 
-static PyObject *py_magnus(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    struct steps steps;
-    const char *name;
-    Py_ssize_t count, m, first, last, points;
-    const Py_buffer *view = b.view;
-    if (!PyArg_ParseTuple(arguments, "snnOOnnnOOO", &name, &count, &m, &o[0], &o[1], &first, &last, &points, &o[2], &o[3],
-                          &o[4]) ||
-        !take(&b, o, "dddDD"))
-        return finish(&b, 1, 0);
-    steps.count = count, steps.m = m;
-    steps.coefficients = view[0].buf, steps.length = view[1].buf;
-    const struct level *level = level_named(name);
-    int failed = 0, fit = level && m > 0 && first >= 0 && last <= points && FITS(&view[0], 8, count, 5, m, m) &&
-                          FITS(&view[1], 8, count) && FITS(&view[2], 8, points) && FITS(&view[3], 8, points, m, m) &&
-                          FITS(&view[4], 8, points);
-    if (fit) {
-        begin_call();
-        failed = level->magnus(&steps, first, last, view[2].buf, view[3].buf, view[4].buf);
-        end_call();
-    }
-    return finish(&b, fit, failed);
+FUNCTION(trace_change, "cn.[zcn][zcn][Dc][Dc]") {
+    gearstab_trace_change(c->n['c'], c->n['n'], c->real[0], array(c, 0), array(c, 1), array(c, 2), array(c, 3));
+    return 0;
 }
 
-static PyObject *py_eigenvalues(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    const char *name;
-    Py_ssize_t count, m, first, last;
-    if (!PyArg_ParseTuple(arguments, "snnnnOO", &name, &count, &m, &first, &last, &o[0], &o[1]) || !take(&b, o, "dZ"))
-        return finish(&b, 1, 0);
-    const struct level *level = level_named(name);
-    int failed = 0, fit = level && m > 0 && first >= 0 && last <= count && FITS(&b.view[0], 8, count, m, m) &&
-                          FITS(&b.view[1], 16, count, m);
-    if (fit) {
-        begin_call();
-        failed = level->eigenvalues(first, last, m, b.view[0].buf, b.view[1].buf);
-        end_call();
-    }
-    return finish(&b, fit, failed);
-}
-
-static PyObject *py_trace_change(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    Py_ssize_t count, n;
-    double weight;
-    if (!PyArg_ParseTuple(arguments, "nndOOOO", &count, &n, &weight, &o[0], &o[1], &o[2], &o[3]) || !take(&b, o, "zzDD"))
-        return finish(&b, 1, 0);
-    int fit = FITS(&b.view[0], 16, count, n) && FITS(&b.view[1], 16, count, n) && FITS(&b.view[2], 8, count) &&
-              FITS(&b.view[3], 8, count);
-    if (fit) {
-        begin_call();
-        gearstab_trace_change(count, n, weight, b.view[0].buf, b.view[1].buf, b.view[2].buf, b.view[3].buf);
-        end_call();
-    }
-    return finish(&b, fit, 0);
-}
-
-static PyObject *py_trace_condition(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    Py_ssize_t count, n;
-    if (!PyArg_ParseTuple(arguments, "nnOOOO", &count, &n, &o[0], &o[1], &o[2], &o[3]) || !take(&b, o, "zdDD"))
-        return finish(&b, 1, 0);
-    int fit = FITS(&b.view[0], 16, count, n) && FITS(&b.view[1], 8, count) && FITS(&b.view[2], 8, count) &&
-              FITS(&b.view[3], 8, count);
-    if (fit) {
-        begin_call();
-        gearstab_trace_condition(count, n, b.view[0].buf, b.view[1].buf, b.view[2].buf, b.view[3].buf);
-        end_call();
-    }
-    return finish(&b, fit, 0);
+FUNCTION(trace_condition, "cn[zcn][dc][Dc][Dc]") {
+    gearstab_trace_condition(c->n['c'], c->n['n'], array(c, 0), array(c, 1), array(c, 2), array(c, 3));
+    return 0;
 }
 
 #ifdef GEARSTAB_COUNT_PATHS
@@ -248,6 +94,11 @@ static PyObject *py_paths(PyObject *self, PyObject *unused) {
     return counts;
 }
 #endif
+
+#define DECLARED(name) PyObject *py_##name(PyObject *self, PyObject *arguments);
+DECLARED(scan) DECLARED(rates) DECLARED(monodromy) DECLARED(traces) DECLARED(scan_damped) DECLARED(moduli)
+DECLARED(products) DECLARED(radii) DECLARED(exponents) DECLARED(names) DECLARED(follow) DECLARED(sampled)
+DECLARED(extremes) DECLARED(edges) DECLARED(shares)
 
 static PyMethodDef METHODS[] = {
 #ifdef GEARSTAB_COUNT_PATHS
@@ -293,8 +144,6 @@ static PyMethodDef METHODS[] = {
     {"trace_change", py_trace_change, METH_VARARGS, "trace_change(count, n, weight, fine, coarse, change, largest)"},
     {"trace_condition", py_trace_condition, METH_VARARGS, "trace_condition(count, n, rho, least, moved, apart)"},
     {"symmetric", py_symmetric, METH_VARARGS, "symmetric(level, count, n, matrix, values, vectors)"},
-    {"magnus", py_magnus, METH_VARARGS,
-     "magnus(level, count, m, coefficients, length, first, last, points, period, matrix, scale)"},
     {"eigenvalues", py_eigenvalues, METH_VARARGS, "eigenvalues(level, count, m, first, last, matrix, values)"},
     {"follow", py_follow, METH_VARARGS,
      "follow((size, width, meshes, functions, cells, order, degree, known, busiest, most_at_once, fine, most_halvings), "

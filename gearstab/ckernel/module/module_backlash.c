@@ -16,90 +16,51 @@ static void leave(const struct where *at, int64_t *marks, double *state) {
     state[0] = at->begin;
 }
 
-PyObject *py_follow(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    struct motion m;
-    const Py_buffer *view = b.view;
-    Py_ssize_t room, n[12];
-    if (!PyArg_ParseTuple(arguments, "(nnnnnnnnnnnn)(dddddddddd)OOOOOOOnOOOOOOO", &n[0], &n[1], &n[2], &n[3], &n[4],
-                          &n[5], &n[6], &n[7], &n[8], &n[9], &n[10], &n[11], &m.period, &m.rate, &m.tolerance, &m.reach,
-                          &m.penetration, &m.rounding, &m.grazing, &m.at_once, &m.largest, &m.smallest, &o[0], &o[1],
-                          &o[2], &o[3], &o[4], &o[5], &o[6], &room, &o[7], &o[8], &o[9], &o[10], &o[11], &o[12],
-                          &o[13]) ||
-        !take(&b, o, "dddddidIDDDDII"))
-        return finish(&b, 1, 0);
-    m.size = n[0], m.width = n[1], m.meshes = n[2], m.functions = n[3], m.cells = n[4], m.order = n[5], m.degree = n[6];
-    m.known = n[7], m.busiest = n[8], m.most_at_once = n[9], m.fine = n[10], m.most_halvings = n[11];
-    m.span = view[0].buf, m.shape = view[1].buf, m.start = view[2].buf, m.gauge = view[3].buf, m.limit = view[4].buf;
-    m.contact = view[5].buf, m.matrices = view[6].buf;
-    int fit = n[1] > 0 && n[0] > n[1] && n[2] > 0 && n[4] > 0 && n[5] > 0 && n[6] > 1 && n[6] <= MOST_DEGREE &&
-              n[10] > 0 && room > 0 && FITS(&view[0], 8, n[4], 2) && FITS(&view[1], 8, n[4], n[5], n[3]) &&
-              FITS(&view[2], 8, n[4], n[1]) && FITS(&view[3], 8, n[2], n[0]) && FITS(&view[4], 8, n[2], 2) &&
-              FITS(&view[5], 8, n[7], n[2]) && FITS(&view[6], 8, n[7], 1 + n[3], n[0], n[0]) &&
-              FITS(&view[7], 8, 5 + n[2]) && FITS(&view[8], 8, 1 + n[0]) && FITS(&view[9], 8, room, n[6] + 1, n[0]) &&
-              FITS(&view[10], 8, room, n[5], n[3]) && FITS(&view[11], 8, room, NUMBERS) &&
-              FITS(&view[12], 8, room, LABELS) && FITS(&view[13], 8, room, n[2]);
+/* Numbers: size, width, meshes, functions, cells, order, degree, known, busiest, most at once, fine, most halvings. */
+#define MOTION "(sw!m!fc!o!dkbax!h)(..........)[dc2][dcof][dcw][dms][dm2][ikm][dkf+ss]"
+
+FUNCTION(follow, MOTION "r![I*][Ds+][Drd+s][Drof][Dr3][Ir5][Irm]") {
+    const Py_ssize_t *n = c->n;
+    const double *real = c->real;
+    struct motion m = {
+        .size = n['s'], .width = n['w'], .meshes = n['m'], .functions = n['f'], .cells = n['c'], .order = n['o'],
+        .degree = n['d'], .known = n['k'], .busiest = n['b'], .most_at_once = n['a'], .fine = n['x'],
+        .most_halvings = n['h'], .period = real[0], .rate = real[1], .tolerance = real[2], .reach = real[3],
+        .penetration = real[4], .rounding = real[5], .grazing = real[6], .at_once = real[7], .largest = real[8],
+        .smallest = real[9], .span = array(c, 0), .shape = array(c, 1), .start = array(c, 2), .gauge = array(c, 3),
+        .limit = array(c, 4), .contact = array(c, 5), .matrices = array(c, 6)};
+    struct run run = {.room = n['r'], .powers = array(c, 9), .shape = array(c, 10), .number = array(c, 11),
+                      .label = array(c, 12), .contact = array(c, 13)};
+    if (m.size <= m.width || m.degree < 2 || m.degree > MOST_DEGREE || c->view[7].len != 8 * (5 + n['m']))
+        return UNFIT;
     struct where at;
-    struct run run = {.room = room, .powers = view[9].buf, .shape = view[10].buf, .number = view[11].buf,
-                      .label = view[12].buf, .contact = view[13].buf};
-    if (fit) {
-        enter(&at, view[7].buf, view[8].buf);
-        fit = at.cell >= 0 && at.cell < m.cells;
-    }
-    int how = 0;
-    if (fit) {
-        begin_call();
-        how = gearstab_follow(&m, &at, &run);
-        if (end_call())
-            how = -1;
-        leave(&at, view[7].buf, view[8].buf);
-    }
-    if (!fit || how < 0)
-        return finish(&b, fit, how < 0);
-    release(&b);
-    return Py_BuildValue("in", how, (Py_ssize_t)run.count);
+    enter(&at, array(c, 7), array(c, 8));
+    if (at.cell < 0 || at.cell >= m.cells)
+        return UNFIT;
+    int how = gearstab_follow(&m, &at, &run);
+    leave(&at, array(c, 7), array(c, 8));
+    c->answer[0] = how, c->answer[1] = (Py_ssize_t)run.count, c->answers = 2;
+    return how < 0;
 }
 
-PyObject *py_sampled(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    const Py_buffer *view = b.view;
-    Py_ssize_t count, degree, size, kept, places;
-    if (!PyArg_ParseTuple(arguments, "nnnnOOnOO", &count, &degree, &size, &kept, &o[0], &o[1], &places, &o[2],
-                          &o[3]) ||
-        !take(&b, o, "didD"))
-        return finish(&b, 1, 0);
-    int fit = degree >= 0 && kept >= 0 && kept <= size && FITS(&view[0], 8, count, degree + 1, size) &&
-              FITS(&view[1], 8, count + 1) && FITS(&view[2], 8, places) && FITS(&view[3], 8, places, kept) &&
-              indices_within(&view[1], count + 1, (int64_t)places + 1);
-    if (fit) {
-        struct polynomials all = {.count = count, .degree = degree, .size = size, .kept = kept, .powers = view[0].buf};
-        begin_call();
-        gearstab_sampled(&all, view[1].buf, view[2].buf, view[3].buf);
-        end_call();
-    }
-    return finish(&b, fit, 0);
+FUNCTION(sampled, "cdsk[dcd+s][ic+]p[dp][Dpk]") {
+    struct polynomials all = {.count = c->n['c'], .degree = c->n['d'], .size = c->n['s'], .kept = c->n['k'],
+                              .powers = array(c, 0)};
+    const int64_t *first = array(c, 1);
+    int fit = all.degree >= 0 && all.kept <= all.size;
+    for (int64_t i = 0; fit && i <= all.count; i++)
+        fit = 0 <= first[i] && first[i] <= c->n['p'];
+    if (!fit)
+        return UNFIT;
+    gearstab_sampled(&all, first, array(c, 2), array(c, 3));
+    return 0;
 }
 
-PyObject *py_extremes(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    const Py_buffer *view = b.view;
-    Py_ssize_t count, degree, size, points;
-    if (!PyArg_ParseTuple(arguments, "nnnOnOO", &count, &degree, &size, &o[0], &points, &o[1], &o[2]) ||
-        !take(&b, o, "dDD"))
-        return finish(&b, 1, 0);
-    int fit = degree >= 0 && points >= FEWEST_POINTS && points <= MOST_POINTS &&
-              FITS(&view[0], 8, count, degree + 1, size) && FITS(&view[1], 8, count, size) && FITS(&view[2], 8, count, size);
-    if (fit) {
-        struct polynomials all = {.count = count, .degree = degree, .size = size, .kept = size, .powers = view[0].buf};
-        begin_call();
-        gearstab_extremes(&all, points, view[1].buf, view[2].buf);
-        end_call();
-    }
-    return finish(&b, fit, 0);
+FUNCTION(extremes, "cds[dcd+s]p[Dcs][Dcs]") {
+    struct polynomials all = {.count = c->n['c'], .degree = c->n['d'], .size = c->n['s'], .kept = c->n['s'],
+                              .powers = array(c, 0)};
+    if (all.degree < 0 || c->n['p'] < FEWEST_POINTS || c->n['p'] > MOST_POINTS)
+        return UNFIT;
+    gearstab_extremes(&all, c->n['p'], array(c, 1), array(c, 2));
+    return 0;
 }

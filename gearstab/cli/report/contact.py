@@ -1,4 +1,4 @@
-"""What a report says of the contact of teeth: at which speeds they would part, and how large the loads become."""
+"""Contact of teeth in a report: at which speeds they would part, and how large the loads become."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a report says of a design: regions, damping required and at hand, probability."""
+"""Facts of a design in a report: regions, damping required and at hand, probability."""
 
 from __future__ import annotations
 

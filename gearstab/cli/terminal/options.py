@@ -34,7 +34,8 @@ unit = click.option(
     "--unit",
     multiple=True,
     metavar="[AXIS=]UNIT",
-    help="Show axes in this unit, such as rpm, Hz, SI, or order for spectra [default: as they were typed]; repeatable.",
+    help="Show axes in this unit, such as rpm, Hz, SI, or order for spectra, or amplitudes over the speed in dB "
+    "[default: as they were typed]; repeatable.",
 )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from gearstab.design.judging import regions
 from gearstab.design.problem import Batch, Span
 from gearstab.modal import mean_modes
-from gearstab.support import ANY_LINEAR, ONLY_MESHES, WHIRLING, unsupported
+from gearstab.support import ANY_LINEAR, WHIRLING, unsupported, whirls
 from gearstab.system import Array, Feature, GearSystem
 
 UNIFORM = 48
@@ -65,8 +65,15 @@ def required_damping(batch: Batch) -> Array:
         found = damping_over(system, omega)
         return np.where(np.isnan(found), np.inf, found)
 
-    # Outside of the regions without damping none is required.
-    return _largest(batch, replace(batch.system, damping=None), value, uniform=2)
+    # Outside of the regions without damping none is required, unless the mean system grows by itself.
+    uniform = 2 if unsupported(batch.system, {Feature.IRRATIONAL_RATIO}) is None else UNIFORM
+    return _largest(batch, _conservative(batch.system), value, uniform=uniform)
+
+
+def _conservative(system: GearSystem) -> GearSystem:
+    """Return the system without damping and without anything else that does work, whose regions are found quickly."""
+    rotations = tuple(replace(rotation, circulatory=None) for rotation in system.rotations)
+    return replace(system, damping=None, terms=(), rotations=rotations)
 
 
 def load_factor(batch: Batch) -> Array:
@@ -91,14 +98,11 @@ def load_factor_over(system: GearSystem, omega: Array, lowest: float | None = No
 
 
 def damping_over(system: GearSystem, omega: Array) -> Array:
-    """``(rows, P)``, the modal damping ratio that stabilises a point, in place of the system's own; NaN above 0.5, and
-    where the theory does not apply: motions that are no real modes have no modal damping ratio.
-    """
+    """``(rows, P)``, the modal damping ratio that stabilises a point, in place of the system's own; NaN above 0.5."""
     from gearstab.floquet.required_damping import required_damping as required
 
-    if unsupported(system, ONLY_MESHES):
-        return np.full((system.rows, np.shape(omega)[-1]), np.nan)
-    return required(replace(system, damping=None), omega, largest=LARGEST_DAMPING).value
+    own = system if whirls(system) else replace(system, damping=None)
+    return required(own, omega, largest=LARGEST_DAMPING).value
 
 
 def root_stress(batch: Batch) -> Array:
@@ -153,7 +157,7 @@ def _peak(
 ) -> Array:
     rows = system.rows
     omega = np.broadcast_to(np.linspace(span.low, span.high, uniform), (rows, uniform))
-    if regional and not unsupported(system, REGIONS):
+    if regional and not unsupported(regional_of, REGIONS):
         omega = np.concatenate([omega, _within(regional_of, span)], axis=1)
     omega = np.sort(omega, axis=1)
     values = value(system, omega)
@@ -199,7 +203,7 @@ REGIONS = WHIRLING
 SUPPORTS: dict[str, frozenset[Feature]] = dict.fromkeys(EXACT, REGIONS) | {
     "growth_rate": REGIONS | {Feature.PERIODIC_TERMS},
     "load_factor": REGIONS | {Feature.PERIODIC_TERMS},
-    "required_damping": frozenset(),
+    "required_damping": REGIONS | {Feature.PERIODIC_TERMS},
     "root_stress": ANY_LINEAR | WHIRLING,
     "transmission_error": ANY_LINEAR | WHIRLING,
 }

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fast
 from gearstab.floquet.boundaries.gyroscopic import search as gyroscopic
 from gearstab.floquet.boundaries.parts import Part
 from gearstab.floquet.general.canonical import CanonicalPeriods
-from gearstab.floquet.general.solve import SLIVER, varying
+from gearstab.floquet.general.stepped import cut, distinct, varying
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
 from gearstab.floquet.kernel.damped import Generators
@@ -35,6 +36,7 @@ from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
 from gearstab.grouping import equal_rows
+from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.elastic import ElasticForm, elastic_forms, free_rotations
 from gearstab.propagation.first_order import FirstOrder
 from gearstab.propagation.schedule import Schedule, schedule
@@ -83,28 +85,14 @@ class PeriodicPart:
 
     def steps(self, scheme: Scheme, doublings: int) -> tuple[Array, Array]:
         """How long each segment lasts ``(r, S)``, and all functions in it ``(r, S, J)``."""
-        index, edges, lengths = self.part.pattern.rows, self.plan.edges, self.plan.lengths
-        # What rounding leaves between jumps that agree is too short for a proof.
-        kept = np.where(lengths > SLIVER, lengths, 0.0)[index]
-        fractions, values = [], []
-        for s in np.flatnonzero(kept.max(axis=0) > 0):
-            count = 2**doublings if self.varies[s] else 1
-            nodes, mixture, durations = scheme.nodes, scheme.mixture, scheme.durations
-            if not self.varies[s]:
-                nodes, mixture, durations = np.array([0.5]), np.ones((1, 1)), np.ones(1)
-            offsets = ((np.arange(count)[:, None] + nodes) / count).ravel()
-            f = self.plan.values(edges[:, s, None] + lengths[:, s, None] * offsets)[index]
-            f = f.reshape(len(index), count, len(nodes), f.shape[-1])
-            values.append(np.einsum("ik,rckj->rcij", mixture, f).reshape(len(index), -1, f.shape[-1]))
-            fractions.append(kept[:, s, None] * np.tile(durations / count, count))
-        return np.concatenate(fractions, axis=1), np.concatenate(values, axis=1)
+        counts = np.where(self.varies, 2**doublings, 1)
+        return cut(self.plan.subset(self.part.pattern.rows), self.varies, counts, scheme)
 
     def generators(self, values: Array) -> tuple[Generators, Array]:
-        """Those of distinct states, in units of the rates, and the state of each segment; values: ``(r, S, J)``."""
-        table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
-        _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
+        """Generators of distinct states in units of the rates, and the state of each segment; values: ``(r, S, J)``."""
+        states, first = distinct(values)
         form = FirstOrder.joined([row.form for row in self.rows])
-        return Generators.of(form, values[:, first]), np.ravel(states)
+        return Generators.of(form, values[:, first]), states
 
     def _linked(self, fractions: Array, values: Array, rounding: float) -> Chain:
         """values: ``(r, S, J)``, of all functions in each segment."""
@@ -172,7 +160,7 @@ def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart,
 def _search(
     own: PeriodicPart, doublings: int, limits: Limits, canonical: bool, rounding: float
 ) -> tuple[SearchResult, Verdict]:
-    """What is found with so many steps, and which points are stable with half of them."""
+    """Search with this many steps; return the result and which points are stable with half of them."""
     pattern = own.part.pattern
     if canonical:
         found = gyroscopic.search(
@@ -187,14 +175,13 @@ def _search(
 
 def _controlled(own: PeriodicPart, limits: Limits, canonical: bool) -> tuple[Chain, SearchResult]:
     """The same where the number of steps has to be found; the edges' brackets contain the error of the steps."""
-    doublings = resolution(own, limits, CF6_5, np.pi * limits.tolerance, canonical)
-    for attempt in range(smooth.ATTEMPTS + 1):
+    first = np.array([resolution(own, limits, CF6_5, np.pi * limits.tolerance, canonical)])
+    control = StepControl(first, first + smooth.ATTEMPTS, limits.tolerance, CF6_5.order)
+    for doublings, _ in control:
         # A proof allows for what the steps may be wrong by.
         found, stable = _search(own, doublings, limits, canonical, max(ROUNDING, limits.tolerance))
         error = smooth.edge_errors(found.intervals, stable, limits.tolerance)
-        if np.all(error <= limits.tolerance) or attempt == smooth.ATTEMPTS:
-            break
-        doublings += 1
+        control.judge(error.max(initial=0.0))
     # Names need few digits, and segments that follow each other.
     rough = own.flow(CF4_2, resolution(own, limits, CF4_2, smooth.ROUGH, canonical))
     return rough, replace(found, intervals=smooth.widened(found.intervals, error))
@@ -208,15 +195,14 @@ def resolution(own: PeriodicPart, limits: Limits, scheme: Scheme, tolerance: flo
     cycle = np.geomspace(low, high, smooth.PILOTS, axis=1).ravel()
     row = np.repeat(np.arange(len(low)), smooth.PILOTS)
 
+    @cache
     def computed(doublings: int) -> Array:
         if canonical:
             return own.canonical(scheme, doublings).monodromy(row, cycle)
         return c_points.moduli(own.flow(scheme, doublings), row, cycle)[:, 0]
 
-    before = computed(COARSEST - 1)
-    for doublings in range(COARSEST, FINEST):
-        after = computed(doublings)
-        if np.all(SAFETY / (2**scheme.order - 1) * np.abs(after - before) < tolerance):
-            return doublings
-        before = after
-    return FINEST
+    control = StepControl(np.array([COARSEST]), FINEST, tolerance, scheme.order)
+    for doublings, _ in control:
+        difference = np.abs(computed(doublings) - computed(doublings - 1)).max()
+        control.judge(SAFETY * remainder(scheme.order) * difference)
+    return doublings

@@ -38,6 +38,7 @@ from gearstab.floquet.smooth.control import SAFETY, Ladder, first
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5
 from gearstab.floquet.smooth.solve import periods, within
 from gearstab.floquet.smooth.steps import Division
+from gearstab.propagation.control import StepControl, remainder
 from gearstab.system import Array, GearSystem
 
 PILOTS = 9
@@ -48,7 +49,7 @@ ATTEMPTS = 3
 """Doublings of the steps after the first choice."""
 WIDENINGS = 12
 """Powers of four of the tolerance up to which an edge is looked for with half of the steps."""
-SHARE = SAFETY / (2**CF6_5.order - 1)
+SHARE = SAFETY * remainder(CF6_5.order)
 """Error of an edge over its distance from where half of the steps have it, with some safety."""
 SURE = 0.1
 """Part of the width floor: steps that have all edges to that find all regions, and finer ones only follow edges."""
@@ -166,15 +167,14 @@ def _controlled(
     """The pattern, what ``run`` finds on it, its resolution, and the error of each interval's edges ``(I, 2)``,
     relative; as many steps as keep that below ``enough``.
     """
-    resolution = steps.resolution
-    for attempt in range(ATTEMPTS + 1):
+    first = np.array([steps.resolution])
+    control = StepControl(first, first + 2 * ATTEMPTS, enough, CF6_5.order, doubling=2)
+    for resolution, _ in control:
         pattern = steps.pattern(resolution)
         found = run(pattern)
         half = stable(steps.fine.pattern(resolution - 2))
         error = edge_errors(intervals(found), half, steps.limits.tolerance)
-        if np.all(error <= enough) or attempt == ATTEMPTS:
-            break
-        resolution += 2
+        control.judge(error.max(initial=0.0))
     return pattern, found, resolution, error
 
 

@@ -26,7 +26,9 @@ from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import Pattern, window
 from gearstab.floquet.segments.reduction import Elastic
+from gearstab.floquet.smooth.schemes import CF6_5
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
+from gearstab.propagation.control import StepControl
 from gearstab.support import ONLY_MESHES, require
 from gearstab.system import Array, GearSystem
 
@@ -43,8 +45,8 @@ SEPARATE = 10.0
 """Growths a window that differ by this are told apart."""
 RESOLUTION = 0.5
 """Change of a solution's size that may stay hidden, over the length of the window: a change by a factor of 1.6."""
-FEWEST_STEPS, MOST_STEPS = 8, 128
-"""Magnus steps per period of the fastest mesh."""
+FEWEST_STEPS, DOUBLINGS = 8, 4
+"""Magnus steps per period of the fastest mesh, and how often they are doubled at most."""
 POINTS_AT_ONCE = 2048
 """Mesh frequencies carried side by side."""
 
@@ -103,18 +105,18 @@ def _piecewise(system: GearSystem, cycles: float, omega: Array, settings: tuple[
 def _smooth(system: GearSystem, cycles: float, omega: Array, settings: tuple[float, int]) -> Iterator[_Row]:
     """All rows of any system without periodic terms."""
     for part in windows(system, cycles):
-        steps, own = FEWEST_STEPS, omega[part.row]
-        pattern = part.pattern(steps)
+        pattern, own = part.pattern(FEWEST_STEPS), omega[part.row]
         constant = bool(np.all(pattern.levels == pattern.levels[:, :1]))
-        value, half = _exponents(pattern, constant, own, settings)
         negative = bool(np.any(pattern.stiffness_below_zero))
-        while True:
-            steps *= 2
-            before = value
-            value, half = _exponents(part.pattern(steps), constant, own, settings)
+        found = {0: _exponents(pattern, constant, own, settings)}
+        control = StepControl(np.array([1]), DOUBLINGS, 1.0, CF6_5.order)
+        for level, _ in control:
+            for k in (level - 1, level):
+                found[k] = found.get(k) or _exponents(part.pattern(FEWEST_STEPS * 2**k), constant, own, settings)
+            (before, _), (value, half) = found[level - 1], found[level]
             error = np.abs(value - before)
-            if steps >= MOST_STEPS or np.all(error <= half):
-                break
+            with np.errstate(over="ignore"):
+                control.judge(np.max(error / np.maximum(half, np.finfo(float).tiny)))
         yield part.row, part.elastic, negative, value, np.maximum(half, error)
 
 

@@ -30,6 +30,22 @@ SYMMETRIC = 1e-14
 
 
 @dataclass(frozen=True)
+class PeriodGrowth:
+    """Growth of points over a common period.
+
+    log: ``(r, P)``, ln max |lambda|, of Hamiltonian systems positive only where that is no rounding. error: of the
+    multipliers. canonical, doubtful: which points are of Hamiltonian systems, which of these Krein signs decided.
+    table: ln lambda ``(r, P, m)``, or None.
+    """
+
+    log: Array
+    error: Array
+    canonical: Array
+    doubtful: Array
+    table: Array | None
+
+
+@dataclass(frozen=True)
 class ExactRows:
     """Rows with their segments and the generators of their states, in units of the rows' rates."""
 
@@ -42,15 +58,30 @@ class ExactRows:
         """``(r, 1)``, 1/time."""
         return self.own.form.rate[:, None]
 
-    def logs(self, mesh_frequency: Array, exponents: bool) -> tuple[Array, Array, Array | None]:
-        """(ln max |lambda| ``(r, P)``, its rounding error, ln lambda ``(r, P, m)`` if they are wanted)."""
+    def subset(self, index: Array) -> ExactRows:
+        """Some of the rows, by position; of all of them what is known already."""
+        if len(index) == len(self.own.form.rows):
+            return self
+        return ExactRows(self.own.subset(index), self.segments.subset(index), self.generator.subset(index))
+
+    def solved(self, mesh_frequency: Array, exponents: bool) -> PeriodGrowth:
+        """Solve at mesh frequencies ``(r, P)``."""
         omega = mesh_frequency / self.rate
         if self.own.form.size == 0:
-            none = np.full(omega.shape, -np.inf)
-            return none, np.zeros(omega.shape), np.empty((*omega.shape, 0), dtype=complex) if exponents else None
-        table = self._all_logs(omega) if exponents else None
+            table = np.empty((*omega.shape, 0), dtype=complex) if exponents else None
+            none = np.zeros(omega.shape, dtype=bool)
+            return PeriodGrowth(np.full(omega.shape, -np.inf), np.zeros(omega.shape), none, none, table)
         growth = kernel.scan_damped(self.segments, self.generator, omega)[0]
-        return growth, self._rounding(omega), table
+        log, canonical, doubtful = self.by_krein(mesh_frequency, growth)
+        canonical = np.broadcast_to(canonical[:, None], log.shape)
+        return PeriodGrowth(
+            log, self._rounding(omega), canonical, doubtful, self.all_logs(mesh_frequency) if exponents else None
+        )
+
+    def multipliers(self, mesh_frequency: Array) -> tuple[Array, Array]:
+        """(all multipliers over exp(scale) ``(r, P, m)``, scale ``(r, P)``)."""
+        _, scale, values = kernel.multipliers_damped(self.segments, self.generator, mesh_frequency / self.rate)
+        return values, scale
 
     def by_krein(self, mesh_frequency: Array, log: Array) -> tuple[Array, Array, Array]:
         """Decide the doubtful points of Hamiltonian rows by Krein signs.
@@ -71,7 +102,9 @@ class ExactRows:
             found[row, point] = decision.conservative(periods.monodromy(row, 1 / omega[row, point]))[1]
         return found, canonical, asked
 
-    def _all_logs(self, omega: Array) -> Array:
+    def all_logs(self, mesh_frequency: Array) -> Array:
+        """ln lambda ``(r, P, m)``, however far multipliers are apart."""
+        omega = mesh_frequency / self.rate
         if self.generator.by_speed is None:
             return kernel.log_multipliers_damped(self.segments, self.generator, omega)
         _, scale, values = kernel.multipliers_damped(self.segments, self.generator, omega)
@@ -98,14 +131,22 @@ def exact_rows(system: GearSystem) -> Iterator[ExactRows]:
     """All rows of a system that is piecewise constant, each once."""
     plan, cycles = schedule(system), float(system.common_period()[0])
     values = plan.values(0.5 * (plan.edges[:, 1:] + plan.edges[:, :-1]))
+    for own, hamiltonian in alike_rows(system):
+        rows = own.form.rows
+        yield joined(own, hamiltonian, *_segments(plan.subset(rows), values[rows], cycles))
+
+
+def alike_rows(system: GearSystem) -> Iterator[tuple[ElasticRows, bool]]:
+    """All rows, each once, and whether they are symplectic but for what acts with a speed on positions."""
     for every in elastic_rows(system):
         symplectic = _hamiltonian(every)
         for hamiltonian in np.unique(symplectic):
-            own = every.subset(np.flatnonzero(symplectic == hamiltonian))
-            rows, form = own.form.rows, own.form
-            segments, levels = _segments(plan.subset(rows), values[rows], cycles)
-            generator = Generators.of(form, levels, bool(hamiltonian))
-            yield ExactRows(own, segments, _weighted(generator, len(own.elastic)))
+            yield every.subset(np.flatnonzero(symplectic == hamiltonian)), bool(hamiltonian)
+
+
+def joined(own: ElasticRows, hamiltonian: bool, segments: Succession, levels: Array) -> ExactRows:
+    """Rows with segments and the functions ``(r, D, J)`` in each of their states."""
+    return ExactRows(own, segments, _weighted(Generators.of(own.form, levels, hamiltonian), len(own.elastic)))
 
 
 def _weighted(generator: Generators, elastic: int) -> Generators:

@@ -36,6 +36,8 @@ LIMITS = (
     invariants.EDGE_NOISE, invariants.DISCRIMINANT_NOISE, invariants.GROWTH_NOISE, invariants.LARGEST, LARGE,
 )  # fmt: skip
 """Thresholds of verdicts: ``struct limits`` of kernel.h."""
+FITTED = (4, 6)
+"""Sizes of states whose growth polynomials of the period may give."""
 MOST_IN_LANES = 64
 """Size of damped matrices whose exponents LAPACK does not find faster."""
 NOTHING = np.empty((2, 0))
@@ -246,7 +248,8 @@ def _scan_periods(
     values = np.empty((*asked.shape, m) if multipliers else (len(asked), 0), dtype=complex)
     growth, scale = np.empty(asked.shape), np.empty(asked.shape)
     turning = generator.by_speed is not None
-    given = _of_generators(pattern, generator, asked) if turning else _of_modes(pattern, generator)
+    fitted = not multipliers and m in FITTED
+    given = _of_generators(pattern, generator, asked, fitted) if turning else _of_modes(pattern, generator)
     own = [asked.shape[1], asked, growth, scale, values, *([LIMITS] if generator.symplectic else [])]
 
     def part(first: int, last: int) -> None:
@@ -263,19 +266,23 @@ def _scan_periods(
     return growth, scale, values
 
 
-def _of_generators(pattern: Succession, generator: Generators, omega: Array) -> tuple[Any, ...]:
-    """A pattern whose states go with the mesh frequency as the C functions take it."""
+def _of_generators(pattern: Succession, generator: Generators, omega: Array, fitted: bool) -> tuple[Any, ...]:
+    """A pattern whose states go with the mesh frequency as the C functions take it; fitted: whether polynomials may
+    stand for propagation.
+    """
     matrix, by_speed, laws = generator.matrix, generator.by_speed, generator.laws
     assert by_speed is not None
     assert laws is not None
     mean = np.trace(matrix, axis1=-2, axis2=-1) / matrix.shape[-1]
-    # How fast solutions vary: it decides where polynomials pay, which are checked.
-    ends = np.stack([omega.min(axis=1), omega.max(axis=1)], axis=1)
-    apart = np.sort(np.abs(np.linalg.eigvals(generator.at(ends)) - mean[:, None, :, None]), axis=-1).max(axis=1)
-    # They rest on a determinant that does not go with the mesh frequency.
-    traces = np.abs(np.trace(by_speed, axis1=-2, axis2=-1))
-    apart[(traces > TRACELESS * np.abs(by_speed).max(axis=(-2, -1))).any(axis=1)] = 0.0
-    rows, count, m = apart.shape
+    rows, count, m = matrix.shape[:3]
+    apart = np.zeros((rows, count, m))
+    if fitted:
+        # How fast solutions vary: it decides where polynomials pay, which are checked.
+        ends = np.stack([omega.min(axis=1), omega.max(axis=1)], axis=1)
+        apart = np.sort(np.abs(np.linalg.eigvals(generator.at(ends)) - mean[:, None, :, None]), axis=-1).max(axis=1)
+        # They rest on a determinant that does not go with the mesh frequency.
+        traces = np.abs(np.trace(by_speed, axis1=-2, axis2=-1))
+        apart[(traces > TRACELESS * np.abs(by_speed).max(axis=(-2, -1))).any(axis=1)] = 0.0
     numbers = (rows, len(pattern.states), count, count, m, by_speed.shape[1], float(pattern.cycles))
     states = np.ascontiguousarray(pattern.states, dtype=np.int64)
     decay = np.repeat(mean[:, :, None], m, axis=2)

@@ -16,7 +16,7 @@ from gearstab.system import Array
 
 
 def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> Array:
-    """C version of :func:`gearstab.floquet.kernel.lyapunov.moduli`; same arguments and result."""
+    """ln |lambda| of all multipliers, descending, ``(P, m)``, at points (row, 1/Omega) ``(P,)``."""
     logs = np.empty((len(row), chain.size))
     given, where = _of_chain(chain), (whole_numbers(row), contiguous(cycle))
 
@@ -26,24 +26,38 @@ def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> 
     in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
     left = np.flatnonzero(np.isnan(logs).any(axis=1) | ~chain.sound[row])
     if len(left):
-        logs[left] = lyapunov.moduli(*chain.at(row[left], cycle[left]), cycle[left])
+        matrix, scale = products(chain, row[left], cycle[left])
+        with np.errstate(divide="ignore"):
+            logs[left] = -np.sort(-np.log(np.abs(np.linalg.eigvals(matrix))) - scale[:, None], axis=1)
     return logs
 
 
 def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
-    """What :func:`gearstab.floquet.kernel.lyapunov.products` says; where generators go with the mesh frequency, in the
-    coordinates of these.
+    """Return products of all segments ``(P, m, m)`` at points (row, 1/Omega) ``(P,)``, over exp(scale); scale ``(P,)``.
+
+    In the coordinates of the states; in those of the generators where these go with the mesh frequency or a state has
+    no eigenvectors.
     """
-    matrix, scale = np.empty((len(row), chain.size, chain.size)), np.empty(len(row))
-    given, where = _of_chain(chain), (whole_numbers(row), contiguous(cycle))
-
-    def part(first: int, last: int) -> None:
-        ckernel.library.products(ckernel.simd(), *given, first, last, len(row), *where, matrix, scale)
-
-    in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
+    matrix, scale = _products(_of_chain(chain), row, cycle, limit)
     left = np.flatnonzero(~chain.sound[row])
     if len(left):
-        matrix[left], scale[left] = lyapunov.products(chain, row[left], cycle[left])
+        given = _scattered(chain.cycles, chain.fractions, chain.states, chain.generator)
+        matrix[left], scale[left] = _products(given, row[left], cycle[left], limit)
+    return matrix, scale
+
+
+def _products(given: tuple[Any, ...], row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
+    """The same by the arguments of the C function."""
+    segments, m = given[0][1], given[0][4]
+    matrix, scale = np.empty((len(row), m, m)), np.empty(len(row))
+    where = whole_numbers(row), contiguous(cycle)
+
+    def part(first: int, last: int) -> None:
+        of_points = LANES * first, min(LANES * last, len(row)), len(row)
+        ckernel.library.products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
+
+    # Points that go through the period side by side take no longer than one.
+    in_threads(part, -(-len(row) // LANES), float(LANES * segments * m**3), limit)
     return matrix, scale
 
 
@@ -54,15 +68,7 @@ def exponentials(
 
     fractions ``(r, S)``, states ``(S,)``: as of a pattern.
     """
-    given, where = _scattered(cycles, fractions, states, generator), (whole_numbers(row), contiguous(cycle))
-    m = generator.matrix.shape[-1]
-    matrix, scale = np.empty((len(row), m, m)), np.empty(len(row))
-
-    def part(first: int, last: int) -> None:
-        of_points = LANES * first, min(LANES * last, len(row)), len(row)
-        ckernel.library.products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
-
-    in_threads(part, -(-len(row) // LANES), float(LANES * len(states) * m**3), None)
+    matrix, scale = _products(_scattered(cycles, fractions, states, generator), row, cycle)
     with np.errstate(over="ignore"):
         return matrix * np.exp(scale)[:, None, None]
 
@@ -80,19 +86,7 @@ def chained(
     count, following = values.shape[1], np.roll(states, -1)
     pairs, index = np.unique(following * count + states, return_inverse=True)
     change = inverse[:, pairs // count] @ basis[:, pairs % count]
-    given, where = (
-        damped_arguments(cycles, values, fractions, states, change, index),
-        (whole_numbers(row), contiguous(cycle)),
-    )
-    m = values.shape[2]
-    matrix, scale = np.empty((len(row), m, m)), np.empty(len(row))
-
-    def part(first: int, last: int) -> None:
-        of_points = LANES * first, min(LANES * last, len(row)), len(row)
-        ckernel.library.products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
-
-    # Points that go through the period side by side take no longer than one.
-    in_threads(part, -(-len(row) // LANES), float(LANES * len(states) * m**3), None)
+    matrix, scale = _products(damped_arguments(cycles, values, fractions, states, change, index), row, cycle)
     first = states[0]
     return basis[row, first] @ (matrix * np.exp(scale)[:, None, None]) @ inverse[row, first]
 

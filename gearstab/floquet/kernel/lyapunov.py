@@ -79,41 +79,10 @@ UNKNOWNS = 80
 """Most unknowns of a linear system for P that is set up; larger P are found from the eigenvectors of M."""
 
 
-def moduli(chain: Chain, row: Array, cycle: Array) -> Array:
-    """ln |lambda| of all multipliers, descending, ``(P, m)``, at points (row, 1/Omega) ``(P,)``."""
-    product, scale = products(chain, row, cycle)
-    with np.errstate(divide="ignore"):
-        logs = np.log(np.abs(np.linalg.eigvals(product))) + scale[:, None]
-    return -np.sort(-logs, axis=1)
-
-
 def settings(chain: Chain) -> tuple[float | int, ...]:
     """Return the numbers that the compiled kernel needs."""
     numbers = (PART, LONGEST, PIECES, chain.rounding, LARGEST, LEAST, NEGLIGIBLE)
     return (*numbers, BISECTIONS, DOUBLINGS, UNKNOWNS)
-
-
-def products(chain: Chain, row: Array, cycle: Array) -> tuple[Array, Array]:
-    """The product of all segments ``(P, m, m)`` in the coordinates of the states, over exp(scale); scale ``(P,)``."""
-    period, m, scale = chain.period(cycle), chain.size, np.zeros(len(row))
-    product = np.tile(np.eye(m), (len(row), 1, 1))
-    for s in range(len(chain.states)):
-        product = _step(chain, s, row, chain.fractions[row, s] * period) @ product
-        size = np.maximum(np.abs(product).max(axis=(1, 2)), np.finfo(float).tiny)
-        product, scale = product / size[:, None, None], scale + np.log(size)
-    return product, scale
-
-
-def _step(chain: Chain, segment: int, row: Array, duration: Array) -> Array:
-    """exp(A t) of a segment and what follows it; where the modes are meaningless, in the coordinates themselves."""
-    state, sound = chain.states[segment], chain.sound[row]
-    result = chain.change[row, chain.index[segment]] @ _exponential(chain.values[row, state], duration)
-    if not sound.all():
-        from scipy.linalg import expm  # takes as long to load as a small sweep to run
-
-        left = np.flatnonzero(~sound)
-        result[left] = expm(chain.generator.matrix[row[left], state] * duration[left, None, None])
-    return result
 
 
 def radii(chain: Chain, row: Array, cycle: Array, growth: Array) -> Array:
@@ -134,7 +103,7 @@ def radii(chain: Chain, row: Array, cycle: Array, growth: Array) -> Array:
     return radius
 
 
-def _exponential(values: Array, duration: Array) -> Array:
+def exponential(values: Array, duration: Array) -> Array:
     """exp(A t) ``(P, m, m)`` in real modal coordinates, of eigenvalues ``(P, m)``."""
     return _blocks(np.exp(values * duration[:, None]), values)
 
@@ -218,7 +187,7 @@ class _Sweep:
             most = int(pieces.max())
             for k in range(most - 1, -1, -1):
                 length = np.where(pieces > k, whole / pieces, 0.0)
-                step = _exponential(values, length)
+                step = exponential(values, length)
                 yield s, k, chain.change[row, chain.index[s]] @ step if k == most - 1 else step, length
 
     def added(self, segment: int, length: Array, before: Array) -> Array:

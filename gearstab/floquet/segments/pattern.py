@@ -31,7 +31,7 @@ PROBES = np.array([0.0711, 0.2713, 0.4913, 0.6581, 0.9421])
 CONSTANT = 1e-14
 """A function that varies by less than this part of its size there is constant but for rounding."""
 MOST_BITS = 62
-"""Of a number of a state; its sign means that there is none."""
+"""Most bits of the number of a state; its sign means that there is none."""
 
 
 @dataclass(frozen=True)

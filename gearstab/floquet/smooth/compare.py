@@ -19,7 +19,7 @@ from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.invariants import DOUBTFUL, growth_of
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.solution import pieces
-from gearstab.propagation.products import eigenvalues
+from gearstab.propagation.magnus import eigenvalues
 from gearstab.system import Array
 
 EPSILON = float(np.finfo(float).eps)

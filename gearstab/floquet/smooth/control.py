@@ -17,6 +17,7 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import KernelAnswer, colliding, difference, scan
 from gearstab.floquet.smooth.schemes import Scheme
 from gearstab.floquet.smooth.steps import Division
+from gearstab.propagation.control import AIM, StepControl, remainder
 from gearstab.system import Array
 
 SAFETY = 10.0
@@ -50,8 +51,6 @@ WORTH_ALL = 0.7
 """The part of the rows at a resolution from which on the pattern is made for all of them, and kept."""
 ALIKE = 3
 """Rows whose numbers of points have the same number of digits to the base 2^ALIKE go to the kernel together."""
-AIM = 0.5
-"""The estimate aimed at, as a part of the tolerance."""
 
 
 @dataclass
@@ -120,30 +119,12 @@ def estimates(ladder: Ladder, omega: Array, decay: Array, tolerance: float, want
         np.zeros(shape), np.zeros(shape, dtype=bool), wanted.copy(),
     )  # fmt: skip
     last = np.minimum(found.resolution + FINEST, ladder.finest)
-    pending = np.ones(shape, dtype=bool)
-    while pending.any():
-        current = int(found.resolution[pending].min())
-        chosen = pending & (found.resolution == current)
+    control = StepControl(found.resolution, last, tolerance, ladder.scheme.order, doubling=2)
+    for _, chosen in control:
         for rows, points, valid in rectangles(chosen):
             _improve(found, ladder, rows, points, valid)
-        pending &= ~chosen
-        error, rounding = found.error[chosen], found.rounding[chosen]
-        # Where rounding has the last word more steps do not help.
-        steps = _more(np.maximum(error - rounding, 0.0) / np.maximum(AIM * tolerance, rounding), ladder.scheme.order)
-        again = (error > tolerance) & (error > 2 * rounding) & (found.resolution[chosen] < last[chosen])
-        # By doublings, as few points rarely need so many resolutions of their own.
-        more = 2 * np.maximum((steps + 1) // 2, 1)
-        found.resolution[chosen] = np.minimum(current + np.where(again, more, 0), last[chosen])
-        pending[chosen] = again
+        control.judge(found.error[chosen], found.rounding[chosen])
     return found
-
-
-def _more(ratio: Array, order: int) -> Array:
-    """Resolutions by which an error must fall by a factor ``ratio``."""
-    with np.errstate(divide="ignore"):
-        wanted = 2 * np.log2(ratio) / order
-    # Of no or an endless error, too, a whole number comes out.
-    return np.ceil(np.clip(np.nan_to_num(wanted, nan=1.0), -100, 100)).astype(int)
 
 
 def _improve(found: Estimates, ladder: Ladder, rows: Array, points: Array, valid: Array) -> None:
@@ -153,7 +134,7 @@ def _improve(found: Estimates, ladder: Ladder, rows: Array, points: Array, valid
     patterns = [ladder.pattern(k, rows) for k in (resolution, resolution - 2)]
     fine, coarse = (scan(pattern, found.omega[place], found.tolerance >= INTERPOLATED) for pattern in patterns)
     safety = SAFETY * (LONG if resolution < SETTLED else 1.0)
-    factor = safety / (2**ladder.scheme.order - 1)
+    factor = safety * remainder(ladder.scheme.order)
     error, rounding, unusual = estimated(fine, coarse, found.decay[place], factor, valid)
     # Points that stand for missing ones repeat others of their row, with the same result.
     found.growth[place], found.error[place], found.rounding[place] = fine.growth, error, rounding
@@ -227,7 +208,7 @@ def _tried(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> tupl
         change, before = np.maximum(change, LEAST), now
         settled = (change <= noise) | (change <= NEGLIGIBLE * tolerance)
         sure = pending & ((last >= CONVERGING * 2**order * change) | settled)
-        need = resolution + 2 / order * np.log2(SAFETY / (2**order - 1) * change / (AIM * tolerance))
+        need = resolution + 2 / order * np.log2(SAFETY * remainder(order) * change / (AIM * tolerance))
         least[sure], wanted[sure] = max(resolution - 2, 2), need[sure]
         pending &= ~sure
         if not pending.any():
@@ -257,6 +238,8 @@ def rectangles(chosen: Array) -> Iterator[tuple[Array, Array, Array]]:
     Rows with fewer points than others repeat one of theirs; rows of very different numbers come apart.
     """
     columns = chosen.any(axis=0)
+    if not columns.any():
+        return
     if chosen[:, columns].all():
         points = np.broadcast_to(np.flatnonzero(columns), (len(chosen), int(columns.sum())))
         yield np.arange(len(chosen)), points, np.ones(points.shape, dtype=bool)

@@ -247,7 +247,8 @@ def freeze(figure: Figure, request: Request) -> None:
 def _run_with_fixed_ticks(figure: Figure) -> None:
     """Run the layout once more without a choice of ticks: a frame that changes its ticks with its size never settles.
 
-    Ticks are chosen freely again afterwards, in a window that is zoomed for example.
+    Ticks are chosen freely again afterwards, in a window that is zoomed for example; not where that would now give
+    others, whose labels nothing has made room for.
     """
     free = [
         (axis, axis.get_major_locator())
@@ -255,8 +256,11 @@ def _run_with_fixed_ticks(figure: Figure) -> None:
         for axis in (ax.xaxis, ax.yaxis)
         if isinstance(axis.get_major_locator(), MaxNLocator)
     ]
-    for axis, locator in free:
-        axis.set_major_locator(FixedLocator(list(locator())))
+    fixed = [FixedLocator(list(locator())) for _, locator in free]
+    for (axis, _), own in zip(free, fixed, strict=True):
+        axis.set_major_locator(own)
     settle(figure)
-    for axis, locator in free:
+    for (axis, locator), own in zip(free, fixed, strict=True):
         axis.set_major_locator(locator)
+        if not np.array_equal(locator(), own()):
+            axis.set_major_locator(own)

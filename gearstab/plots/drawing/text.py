@@ -130,11 +130,6 @@ def fitted(text: str, inches: float, points: float) -> str:
     return broken
 
 
-def printed_text(text: str) -> int:
-    """About how many letters wide a text with formulas prints."""
-    return len(re.sub(r"\$([^$]*)\$", lambda found: "x" * printed_length(found[1]), text))
-
-
 def printed_length(formula: str) -> int:
     """About how many letters wide a formula prints."""
     return max(len(re.sub(r"\\[a-zA-Z]+", "x", re.sub(r"[${}_^ ]|\\mathrm", "", formula))), 1)

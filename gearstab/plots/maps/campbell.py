@@ -9,6 +9,7 @@ modes.
 
 from __future__ import annotations
 
+import re
 from math import pi
 from typing import Any
 
@@ -19,13 +20,13 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.patheffects import withStroke
 
 from gearstab.errors import PlotError
 from gearstab.plots.axes import INNER, FigureAxis, group_of, mesh_numbers, sweep_axes, swept_groups, units_of
 from gearstab.plots.cases import MOST_PANELS, TALL, arrangement, caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
+from gearstab.plots.drawing.orders import draw_order, number_orders, order_colour
 from gearstab.plots.drawing.style import CASES, LINE, SHADE, UNSTABLE, new_figure, new_frame
 from gearstab.plots.drawing.text import bracketed, fitted, plain, tongue_label
 from gearstab.plots.kinds import Contents, Kind
@@ -40,8 +41,6 @@ Artists = dict[str, Any]
 
 ORDERS = 6
 """Half orders of a mesh that are drawn at the most: 0.5, 1, ... 3 times its frequency."""
-FEWEST = 4
-"""Half orders where no list of regions says how many harmonics count."""
 AIR = 1.22
 """The frame over the highest natural frequency that an order reaches."""
 FAINT, GREY = "#a0a0a0", "#5f5f5f"
@@ -52,13 +51,10 @@ SIZES = (1.5, 4.0)
 WIDE = 0.03
 ALIKE = 1e-6
 """Natural frequencies closer than this part of the frame have one name."""
-NEAR = (0.075, 0.045)
-"""Numbers of orders closer than these parts of the frame would lie over one another."""
 KILOHERTZ = 2000.0
 """Frames that reach this frequency, Hz, are drawn in kHz."""
 NAMED = 12
 """Regions that are named at the most, the widest."""
-HALO = [withStroke(linewidth=1.6, foreground="white")]
 
 
 def view_campbell(tree: xr.DataTree, request: Request) -> tuple[View, FigureAxis | None]:
@@ -99,14 +95,19 @@ def fixed_speed(tree: xr.DataTree, view: View, speed: FigureAxis | None) -> floa
     return float(speed.positions[view.fixed[speed.name]] * speed.factor)
 
 
-def mesh_ratios(tree: xr.DataTree, regions: list[Region]) -> dict[float, str]:
+def mesh_ratios(tree: xr.DataTree, regions: list[Region]) -> dict[float, list[str]]:
     """Frequency over the mesh frequency -> names of the meshes that have it."""
     modes, found = group_of(tree, "modes"), dict[float, list[str]]()
     ratios = np.atleast_1d(modes.attrs.get(RATIOS, [r.ratio / r.harmonic for r in regions if r.harmonic][:1] or 1.0))
     known = list(mesh_numbers(tree))
     for k, ratio in enumerate(ratios):
         found.setdefault(float(ratio), []).append(known[k] if k < len(known) else str(k + 1))
-    return {ratio: ", ".join(meshes) for ratio, meshes in found.items()}
+    return found
+
+
+def said(meshes: list[str]) -> str:
+    """Meshes of one frequency by name, those of a planetary set by that of the set."""
+    return plain(", ".join(dict.fromkeys(re.sub(r"\.(sun|ring)\.\d+$", "", mesh) for mesh in meshes)))
 
 
 class Panel:
@@ -141,8 +142,8 @@ class Panel:
 
     @property
     def orders(self) -> int:
-        """Half orders that are drawn."""
-        return min(max((region.harmonic for region in self.regions), default=FEWEST), ORDERS)
+        """Half orders that are drawn: all, or as many as harmonics count by the list of regions."""
+        return min(max((region.harmonic for region in self.regions), default=ORDERS), ORDERS)
 
     def within(self, region: Region) -> Array:
         """``(size,)``: whether a region is open and reaches into the speeds that are shown."""
@@ -199,44 +200,19 @@ def draw_modes(ax: Axes, panel: Panel, unit: float) -> list[Line2D]:
 
 
 def draw_orders(ax: Axes, panel: Panel, unit: float) -> list[Line2D]:
-    """Orders (solid) and half orders (dashed) of every mesh frequency, numbered where they leave the frame."""
-    lines: list[Line2D] = []
+    """Orders (solid) and half orders (dashed) of every mesh frequency."""
     if panel.span is None or (panel.parameter is not None and panel.at is None):
-        return lines
-    top, numbered = ax.get_ylim()[1], list[Array]()
-    across = np.linspace(0.0, 1.0, 257)
-    place = ax.transData + ax.transAxes.inverted()
+        return []
+    found = []
     for n, ratio in enumerate(panel.ratios):
-        colour = order_colour(n, len(panel.ratios)) if panel.parameter is None else GREY
-        mesh = "" if panel.parameter is None or len(panel.ratios) == 1 else f" {plain(panel.ratios[ratio])}"
+        over_speed = panel.parameter is None
+        colour = order_colour(n, len(panel.ratios)) if over_speed else GREY
+        mesh = "" if over_speed or len(panel.ratios) == 1 else f" {said(panel.ratios[ratio])}"
         for half in range(1, panel.orders + 1):
-            look = "-" if half % 2 == 0 else (0, (4, 2))
-            if panel.parameter is not None:
-                x, y = np.array(ax.get_xlim()), np.full(2, 0.5 * half * ratio * (panel.at or 0.0) / unit)
-            else:
-                low, high = ax.get_xlim()
-                x = low + (high - low) * across
-                y = 0.5 * half * ratio * (panel.view.factor or 1.0) * x / unit
-            inside = np.flatnonzero(y <= top)
-            if not inside.size:
-                continue
-            lines += ax.plot(x, y, color=colour, linestyle=look, linewidth=0.6, alpha=0.85, zorder=1.5)
-            line = np.column_stack([x, y])[inside[::-1]]
-            places = place.transform(line)
-            apart = [all((np.abs(where - other) >= NEAR).any() for other in numbered) for where in places]
-            end, where = line[np.argmax(apart)], places[np.argmax(apart)]
-            numbered.append(where)
-            above = panel.parameter is not None and where[1] < 0.9
-            ax.annotate(
-                f"{0.5 * half:g}$\\times${mesh}", tuple(end), (-2, 1 if above else -1), textcoords="offset points",
-                ha="right", va="bottom" if above else "top", fontsize=6.5, color=colour, path_effects=HALO, zorder=4,
-            )  # fmt: skip
-    return lines
-
-
-def order_colour(number: int, count: int) -> str:
-    """The colour of the orders of a mesh frequency: blue where there is one alone, never that of the natural ones."""
-    return CASES[2] if count == 1 else (CASES[2], CASES[3], CASES[4], CASES[5])[number % 4]
+            size = 0.5 * half * ratio / unit
+            slope, level = (size * (panel.view.factor or 1.0), 0.0) if over_speed else (0.0, size * (panel.at or 0.0))
+            found.append(draw_order(ax, slope, level, half, colour, mesh))
+    return [order for order in found if order is not None]
 
 
 def draw_crossings(ax: Axes, panel: Panel, unit: float) -> Artists:
@@ -365,8 +341,11 @@ def legend_handles(panels: list[Panel], drawn: list[Artists]) -> list[Any]:
         words = "damped natural frequencies" if damped else "natural frequencies"
         handles.append(Line2D([], [], color=LINE, linewidth=0.9 if over_speed else 0.0, label=words))
     if any(artists["orders"] for artists in drawn):
-        for n, meshes in enumerate(ratios.values() if over_speed else [""]):
-            words = "mesh orders" if len(ratios) == 1 or not meshes else f"orders of {plain(meshes)}"
+        numbers = mesh_numbers(panels[0].tree)
+        for n, meshes in enumerate(ratios.values() if over_speed else [[]]):
+            words = "mesh orders" if len(ratios) == 1 or not meshes else f"orders of {said(meshes)}"
+            if n and (number := numbers.get(meshes[0])):
+                words += rf", $\Omega_{{{number}}}$"
             colour = order_colour(n, len(ratios)) if over_speed else GREY
             handles.append(Line2D([], [], color=colour, linewidth=0.6, label=words))
         handles.append(Line2D([], [], color=FAINT, linewidth=0.6, linestyle=(0, (4, 2)), label="half orders"))
@@ -418,6 +397,9 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     for ax, panel, artists in zip(axes, panels, drawn, strict=False):
         artists |= name_panel(ax, panel, unit, 3 if len(panels) == 1 else 1)
     names.freeze(figure, request)
+    for ax, artists in zip(axes, drawn, strict=False):
+        marks = [mark for sort in ("regions", "closed") for mark in artists[sort].values()]
+        number_orders(ax, artists["orders"], artists["modes"], marks)
     return figure, {"panels": drawn, "legend": legend, "left_out": note}
 
 

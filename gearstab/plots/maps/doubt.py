@@ -15,6 +15,7 @@ from matplotlib.patches import Patch
 from gearstab.plots.drawing import grid
 from gearstab.plots.drawing.style import FAILED
 from gearstab.plots.view import MapView, View
+from gearstab.results.variables.flags import Flags
 
 Array = np.ndarray
 
@@ -57,8 +58,7 @@ def _masks(
 ) -> dict[tuple[str, str], Array]:
     if status is None:
         return {}
-    bits = dict(zip(str(status.attrs.get("flag_meanings", "")).split(), np.ravel(status.attrs.get("flag_masks", ())),
-                    strict=False))  # fmt: skip
+    bits = Flags.of(status.attrs)
     # What is not drawn of a large result is not read.
     status = status.isel({name: k for name, k in view.fixed.items() if name in status.dims and name not in dims})
     # Of all meshes that are not drawn one by one.
@@ -67,7 +67,7 @@ def _masks(
     for name, words in known.items():
         if name not in bits:
             continue
-        mask = ((status.astype(int) & int(bits[name])) != 0).any(left)
+        mask = ((status.astype(int) & bits[name]) != 0).any(left)
         missing = [dim for dim in dims if dim not in mask.dims]
         sizes = {axis.name: axis.size for axis in (view.x, view.y) if axis is not None}
         values = view.cut(mask.expand_dims({dim: sizes[dim] for dim in missing}), *dims)

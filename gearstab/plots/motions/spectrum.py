@@ -33,7 +33,7 @@ SHOWN = 1e-4
 NUMBERED = 6
 """Sidebands that are numbered; others stand beside these."""
 APART = 0.07
-"""Of the axis, what lies between two numbers."""
+"""Part of the axis that lies between two numbers."""
 
 
 def read_spectra(tree: xr.DataTree, wanted: str | None) -> xr.DataArray:

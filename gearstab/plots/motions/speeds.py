@@ -18,6 +18,7 @@ from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_frame
 from gearstab.plots.kinds import Contents, Kind
+from gearstab.plots.levels import in_decibels, level_label, tall_enough
 from gearstab.plots.maps import curve, doubt
 from gearstab.plots.variables import colour_label, find_variable
 from gearstab.plots.view import Request, View, view_along
@@ -100,15 +101,20 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     attracts = "contact_loss_ratio" in dataset
     lines = []
     for k, case in enumerate(cases):
-        values = view.at(**case).cut(data, view.x.name).astype(float)
+        values = in_decibels(view.at(**case).cut(data, view.x.name).astype(float), data, request)
         repelling = np.zeros((0, 2)) if attracts else ranges[k]
         lines.append(draw_case(ax, x, values, repelling, k, caption(view.free, case)))
     doubted = curve.draw_doubts(tree, ax, own, view, cases, lines)
     low, high = grid.limits(view.x)
     ax.set_xlim(low, high)
-    scale(ax, [np.asarray(line.get_ydata(), dtype=float) for line in lines])
+    curves = [np.asarray(line.get_ydata(), dtype=float) for line in lines]
+    if request.decibels:
+        tall_enough(ax, np.array(curves), request)
+    else:
+        scale(ax, curves)
     bands = shade(ax, ranges[0], (high - low) / 900) if not others and len(ranges[0]) else None
-    curve.dress(ax, view.x, colour_label(tree, variable))
+    words = level_label(str(data.attrs.get("long_name", variable)), data, request)
+    curve.dress(ax, view.x, words if request.decibels else colour_label(tree, variable))
     handles = lines if len(cases) > 1 else []
     if bands is not None:
         handles = [*handles, Patch(facecolor=SHADE, label="unstable")]
@@ -143,4 +149,7 @@ def _suits(contents: Contents) -> bool:
     return not contents.parameters or (not contents.growth and curves <= len(CASES))
 
 
-KIND = Kind("speeds", "load factor or mesh force of the steady state over the mesh frequency", draw, _suits)
+KIND = Kind(
+    "speeds", "load factor, or forces of meshes, bearings and shafts, of the steady state over the mesh frequency",
+    draw, _suits, decibels=True,
+)  # fmt: skip

@@ -8,7 +8,7 @@ Chebyshev nodes, in pieces so short that the last Chebyshev coefficients are bel
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import factorial
 
 import numpy as np
@@ -34,6 +34,7 @@ class Dynamics:
     fixed: ``(D, D)``, the part of G that is always there;  parts: ``(J, D, D)``, by the varying functions.
     pushes: ``(meshes, m)``, what stands in the column of z_0 for k_i offset_i.
     drags: ``(meshes, D, D)``, what is to be added while mesh i is apart.
+    by_speed: ``(1 + meshes, D, D)``, what fixed and drags grow by with the mesh frequency, where modes do not.
     carriers: ``(J,)``, the mesh without whose contact a varying function does not act, or -1.
     gauge: ``(meshes, D)``: g_i^T q - e_i = gauge y;  deflection: ``(meshes, D)``, of g_i^T q; scale: S.
     """
@@ -44,6 +45,7 @@ class Dynamics:
     parts: Array
     pushes: Array
     drags: Array
+    by_speed: Array
     carriers: Array
     gauge: Array
     deflection: Array
@@ -62,13 +64,21 @@ class Dynamics:
         """``(X, J)``, the varying functions at the times ``(X,)`` within the common period."""
         return np.asarray(self.motion.drive.varying(tau[None])[0])
 
+    def at(self, omega: float) -> Dynamics:
+        """Return the same at another mesh frequency, on which the modes may not depend."""
+        fixed, drags = self.by_speed[0], self.by_speed[1:]
+        more = omega - self.motion.omega
+        motion = replace(self.motion, omega=omega)
+        return replace(self, motion=motion, fixed=self.fixed + more * fixed, drags=self.drags + more * drags)
+
     def generators(self, contact: Array) -> tuple[Array, Array]:
-        """Return the parts of G with a contact ``(meshes,)``: the constant one, and ``(J, D, D)`` by the functions."""
+        """Return the parts of G with contacts ``(..., meshes)``: constant, and ``(..., J, D, D)`` by functions."""
         closed = contact != APART
-        acts = np.where(self.carriers >= 0, closed[self.carriers], True)
-        parts = self.parts * acts[:, None, None]
-        parts[: len(closed), : self.size, self.size] += (closed * self.teeth.offset(contact))[:, None] * self.pushes
-        return self.fixed + self.drags[~closed].sum(axis=0), parts
+        acts = np.where(self.carriers >= 0, closed[..., self.carriers], True)
+        parts = self.parts * acts[..., None, None]
+        pushes = (closed * self.teeth.offset(contact))[..., None] * self.pushes
+        parts[..., : closed.shape[-1], : self.size, self.size] += pushes
+        return self.fixed + np.tensordot(~closed, self.drags, axes=1), parts
 
     def generator(self, values: Array, contact: Array) -> Array:
         """G ``(X, D, D)``."""
@@ -91,7 +101,8 @@ def dynamics(system: GearSystem, motion: Driven, teeth: Play) -> Dynamics:
     # Probes of that size: what belongs to a stiffness of 1 would drown in what is always there, were it 1e8.
     probes = np.concatenate([np.zeros((1, len(usual))), np.diag(np.where(usual > 0, usual, 1.0))])
     generators, constant, rates = points.equation.inputs(probes[:, None])
-    a, b = generators[:, 0] * rate, (constant[:, 0] + omega * rates[0]) * rate
+    a, by_speed = generators[:, 0] * rate, rates[0] * rate
+    b = constant[:, 0] * rate + omega * by_speed
     directions = drive.directions[0]
     pushes = (basis.inlet[0] @ directions.T).T * rate
     force = np.abs(b[0]).max() + np.abs(b[1:] - b[0]).max(axis=(1, 2), initial=0.0).sum()
@@ -99,17 +110,20 @@ def dynamics(system: GearSystem, motion: Driven, teeth: Play) -> Dynamics:
     scale = float(force) / rate or 1.0
     turn = 2 * np.pi * drive.harmonics / motion.period
     whole = augmented(a, b / scale, turn)
+    growth = np.zeros((1 + count, *whole.shape[1:]))
+    growth[0] = augmented(np.zeros((m, m)), by_speed / scale, turn / omega)
     drags = np.zeros((count, m + width, m + width))
     drags[:, :m, :m] = pushes[:, :, None] * (drive.dampings[0, :, None] * (directions @ basis.speed[0]))[:, None]
-    slopes = omega * drive.dampings[0, :, None] * drive.slopes[0] / scale
-    drags[:, :m, m:] = -pushes[:, :, None] * slopes[:, None]
+    growth[1:, :m, m:] = -pushes[:, :, None] * (drive.dampings[0, :, None] * drive.slopes[0] / scale)[:, None]
+    drags += omega * growth[1:]
     deflection = np.concatenate([directions @ basis.outlet[0], np.zeros((count, width))], axis=1)
     gauge = deflection.copy()
     gauge[:, m:] = -drive.errors[0] / scale
     parts = (whole[1:] - whole[0]) / probes.sum(axis=1)[1:, None, None]
     return Dynamics(
-        motion, teeth, whole[0], parts, pushes / scale, drags, _carriers(system, len(usual)), gauge, deflection, scale
-    )
+        motion, teeth, whole[0], parts, pushes / scale, drags, growth, _carriers(system, len(usual)), gauge, deflection,
+        scale,
+    )  # fmt: skip
 
 
 def _carriers(system: GearSystem, count: int) -> Array:

@@ -32,6 +32,8 @@ MOST_CELLS = 2**17
 """Cells of a common period."""
 MOST_KEPT = 2**24
 """Numbers in the matrices of contacts that are kept for further use."""
+MOST_LIKELY = 27
+"""Contacts that are prepared at once: all of three meshes."""
 PENETRATION = 1e-12
 """A flank may be passed by this part of the backlash unnoticed (and by rounding errors of large deflections)."""
 ROUNDING = 1e-14
@@ -92,10 +94,10 @@ class Chatter(Exception):
 
 @dataclass(frozen=True)
 class Timetable:
-    """Cells of the varying coefficients: C cells of the common period.
+    """Cells of the varying coefficients: C cells of the common period, the same at any mesh frequency.
 
-    span: ``(C, 2)``, begin and end;  shapes: ``(C, order, J)``, the varying functions as powers of the part
-        of the cell that has passed.
+    span: ``(C, 2)``, begin and end, in parts of the period.
+    shapes: ``(C, order, J)``, the varying functions as powers of the part of the cell that has passed.
     start: ``(C, L)``, S z at the beginning.
     """
 
@@ -119,7 +121,7 @@ def timetable(dynamics: d.Dynamics, tolerance: float) -> Timetable:
     else:
         spans, waves = _series(dynamics, spans, tolerance)
         shapes = d.POWERS @ waves
-    return Timetable(spans * motion.period, shapes, dynamics.scale * motion.drive.z(spans[:, 0]))
+    return Timetable(spans, shapes, dynamics.scale * motion.drive.z(spans[:, 0]))
 
 
 def _series(dynamics: d.Dynamics, spans: Array, tolerance: float) -> tuple[Array, Array]:
@@ -145,12 +147,21 @@ def _series(dynamics: d.Dynamics, spans: Array, tolerance: float) -> tuple[Array
 
 
 class Contacts:
-    """Parts of the generators for the contacts ``(count, meshes)`` that have occurred."""
+    """Parts of the generators for the contacts ``(count, meshes)`` that have occurred.
 
-    def __init__(self, dynamics: d.Dynamics) -> None:
-        self.dynamics, self.count = dynamics, 0
-        self.contacts = np.empty((1, len(dynamics.gauge)), dtype=np.int64)
-        self.matrices = np.empty((1, 1 + len(dynamics.parts), *dynamics.fixed.shape))
+    others: at another mesh frequency, the latest of which are likely to occur again.
+    """
+
+    def __init__(self, dynamics: d.Dynamics, others: Contacts | None = None) -> None:
+        self.dynamics = dynamics
+        nothing = np.empty((0, len(dynamics.gauge)), dtype=np.int64)
+        likely = nothing if others is None else others.known[0][-MOST_LIKELY:].copy()
+        self.count = len(likely)
+        self.contacts = likely if self.count else np.empty((1, len(dynamics.gauge)), dtype=np.int64)
+        self.matrices = np.empty((len(self.contacts), 1 + len(dynamics.parts), *dynamics.fixed.shape))
+        if self.count:
+            constant, parts = dynamics.generators(likely)
+            self.matrices[:, 0], self.matrices[:, 1:] = np.swapaxes(constant, 1, 2), np.swapaxes(parts, 2, 3)
 
     @property
     def known(self) -> tuple[Array, Array]:
@@ -172,39 +183,62 @@ class Contacts:
         self.count += 1
 
 
-def busiest(dynamics: d.Dynamics) -> float:
-    """How many events a common period may have: by the vibrations of the fastest mode in it."""
-    motion = dynamics.motion
-    middle = dynamics.values(np.array([0.5 * float(motion.points.edges[0][:2].sum())]))
-    closed = dynamics.generator(middle, np.full(len(dynamics.teeth.has), UPPER))[0]
-    m = dynamics.size
-    return BUSY + 10 * float(np.abs(np.linalg.eigvals(closed[:m, :m])).max() * motion.period / (2 * np.pi))
+@dataclass(frozen=True)
+class Course:
+    """Everything that it takes to follow motions of a single system at one mesh frequency.
+
+    dynamics: the equations;  table: what varies in them;  contacts: that have occurred.
+    fastest: vibrations of the fastest mode per unit of time, all teeth in contact.
+    """
+
+    dynamics: d.Dynamics
+    table: Timetable
+    contacts: Contacts
+    fastest: float
+
+    @classmethod
+    def of(cls, dynamics: d.Dynamics, tolerance: float) -> Course:
+        """Prepare. Raises NotPossible where that takes too many series."""
+        table, m = timetable(dynamics, tolerance), dynamics.size
+        closed = dynamics.generator(table.shapes[:1, 0], np.full(len(dynamics.teeth.has), UPPER))[0]
+        fastest = np.abs(np.linalg.eigvals(closed[:m, :m])).max() / (2 * np.pi)
+        return cls(dynamics, table, Contacts(dynamics), float(fastest))
+
+    def at(self, omega: float, contacts: Contacts) -> Course:
+        """Return the same at another mesh frequency, on which the modes may not depend; contacts: at one nearby."""
+        model = self.dynamics.at(omega)
+        return replace(self, dynamics=model, contacts=Contacts(model, contacts))
+
+    @property
+    def busiest(self) -> float:
+        """How many events a common period may have: by the vibrations of the fastest mode in it."""
+        return BUSY + 10 * self.fastest * self.dynamics.motion.period
 
 
-def follow(dynamics: d.Dynamics, x: Array, tolerance: float, table: Timetable | None = None) -> Iterator[Track]:
-    """The motion from the state x at t = 0 on, without end; table: that of the dynamics, where it is known.
+def follow(course: Course, x: Array, tolerance: float) -> Iterator[Track]:
+    """The motion from the state x at t = 0 on, without end.
 
     Raises Chatter, OverflowError where the motion outgrows double precision, and NotPossible where smooth functions are
     too rough for the tolerance.
     """
-    motion, teeth, table = dynamics.motion, dynamics.teeth, table or timetable(dynamics, tolerance)
+    dynamics, table, contacts = course.dynamics, course.table, course.contacts
+    motion, teeth, span = dynamics.motion, dynamics.teeth, table.span * dynamics.motion.period
     functions, meshes, size = table.shapes.shape[2], len(teeth.has), len(dynamics.fixed)
-    contacts = Contacts(dynamics)
     y = np.concatenate([x, table.start[0]])
     marks = np.concatenate([[0, 0, -1, 0, 0], teeth.contact(dynamics.gauge @ y)]).astype(np.int64)
-    state = np.concatenate([table.span[:1, 0], y])
+    state = np.concatenate([span[:1, 0], y])
     limits = np.where(teeth.has, [teeth.low, teeth.high], 0.0).T.copy()
-    most_events = int(min(busiest(dynamics), 2.0**62))
+    most_events = int(min(course.busiest, 2.0**62))
     settings = (
         motion.period, float(motion.basis.rate[0]), tolerance, d.REACH, PENETRATION, ROUNDING, GRAZING,
         AT_ONCE, LARGEST, SMALLEST,
     )  # fmt: skip
-    given = [np.ascontiguousarray(part) for part in (table.span, table.shapes, table.start, dynamics.gauge, limits)]
+    given = [np.ascontiguousarray(part) for part in (span, table.shapes, table.start, dynamics.gauge, limits)]
     most = max(min(MOST, ENTRIES // ((d.DEGREE + 1) * size)), 1)
     room, why = min(FIRST, most), FULL
     while True:
         numbers = (
-            size, size - dynamics.size, meshes, functions, len(table.span), table.order, d.DEGREE, contacts.count,
+            size, size - dynamics.size, meshes, functions, len(span), table.order, d.DEGREE, contacts.count,
             most_events, MOST_AT_ONCE, FINE, d.MOST_HALVINGS,
         )  # fmt: skip
         powers, number = np.empty((room, d.DEGREE + 1, size)), np.empty((room, 3))

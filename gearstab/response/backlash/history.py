@@ -11,7 +11,7 @@ import numpy as np
 from gearstab.propagation.first_order import bases
 from gearstab.response.backlash.contact import APART, Play, directions, play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
-from gearstab.response.backlash.follow import Chatter, Event, Track, follow
+from gearstab.response.backlash.follow import Chatter, Course, Event, Track, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter
 from gearstab.response.backlash.polynomials import sampled
 from gearstab.response.linear.driven import ON_A_JUMP, driven
@@ -117,7 +117,7 @@ class Recording:
         """Follow the motion from the state x until all samples are known, or to where it ends."""
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                for track in follow(self.model, x, tolerance):
+                for track in follow(Course.of(self.model, tolerance), x, tolerance):
                     self._add(track)
                     if self.known >= self.wanted:
                         break

@@ -13,29 +13,30 @@ Source: Keller 1977 (pseudo-arclength); Seydel 2010, chapters 4 and 7 (tests, pe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
+from math import prod
 
 import numpy as np
 from scipy.optimize import brentq
 
+from gearstab.response.branches.points import NoPoint, Point, Visit
 from gearstab.system import Array
 
 MOST_ITERATIONS = 12
-CONVERGED, ACCEPTED = 1e-12, 1e-9
+CONVERGED, ACCEPTED = 1e-13, 1e-9
 """Residual, in units of the state, at which Newton's method ends, and that is accepted where it gets no smaller."""
-DIFFERENCE = 1e-6
-"""Step of the parameter, in its unit, for dP/dp by central differences. It serves directions only: points and what
+DIFFERENCE = 1e-7
+"""Step of the parameter, in its unit, for dP/dp by differences to one side. It serves directions only: points and what
 crosses there do not depend on its error."""
+TOLD = 0.1
+"""Part of a step along the parameter from which on what it did to the map tells dP/dp."""
 TURN, GENTLE = 0.3, 0.08
 """Radians between two tangents: beyond the former a step is halved, below the latter the next one is longer."""
 KINK = 1e-4
 """A step as short as that, in the units of the curve, may turn by more: at a grazing motion the curve has a kink."""
 SINGULAR = 1e-11
 """Singular values below this part of the largest one are none."""
-OUTSIDE = 1e-9
-"""Excess of the magnitude of a multiplier over 1 from which on it counts as outside."""
 VERTICAL = 1e-7
 """Part of a tangent along the parameter below which a curve with a multiplier 1 goes straight up: linear motions of any
 amplitude at one parameter."""
@@ -53,45 +54,8 @@ FAILED, LINEAR = "step_failed", "linear_motions"
 or as no step was short enough; or as motions of any amplitude follow at one parameter."""
 
 
-class Visit(Protocol):
-    """Values of a map at a point: its image, DP ``(m, m)`` there, and its eigenvalues of descending magnitude."""
-
-    @property
-    def end(self) -> Array: ...
-    @property
-    def derivative(self) -> Array: ...
-    @property
-    def multipliers(self) -> Array: ...
-
-
-Mapping = Callable[[Array, float], Visit]
+Image = Callable[[Array, float], Visit]
 """From a point and the parameter; raises ArithmeticError where there is no image."""
-
-
-@dataclass(frozen=True)
-class Point:
-    """A fixed point.
-
-    x: ``(m,)``;  parameter: p;  visit: what the map says there.
-    kind: what crosses the unit circle there, "" for nothing;  multiplicity: how many multipliers (a pair counts once).
-    vector: ``(m, multiplicity)``, directions that belong to them, real where they are.
-    """
-
-    x: Array
-    parameter: float
-    visit: Visit
-    kind: str = ""
-    multiplicity: int = 0
-    vector: Array | None = None
-
-    @property
-    def outside(self) -> int:
-        """The number of multipliers outside of the unit circle."""
-        return int(np.count_nonzero(np.abs(self.visit.multipliers) > 1 + OUTSIDE))
-
-
-class NoPoint(ArithmeticError):
-    """Newton's method finds no point."""
 
 
 @dataclass(frozen=True)
@@ -115,26 +79,34 @@ class StepLimits:
 class Curve:
     """A map, and the units in which its curves are measured. unit: of the state;  span: of the parameter."""
 
-    mapping: Mapping
+    mapping: Image
     unit: float
     span: float
 
-    def slope(self, x: Array, parameter: float) -> Array:
-        """``(m,)``, dP/dp, in units."""
-        step = DIFFERENCE * self.span
-        ahead, behind = (self.mapping(x, parameter + sign * step).end for sign in (1, -1))
-        return np.asarray((ahead - behind) / (2 * DIFFERENCE * self.unit))
+    def slope(self, x: Array, parameter: float, end: Array) -> Array:
+        """``(m,)``, dP/dp, in units; end: P."""
+        ahead = self.mapping(x, parameter + DIFFERENCE * self.span).end
+        return np.asarray((ahead - end) / (DIFFERENCE * self.unit))
 
     def tangent(self, point: Point, along: Array) -> Array:
         """``(m + 1,)``, of unit length, to the side of ``along``."""
         m = len(point.x)
-        matrix = np.column_stack([point.visit.derivative - np.eye(m), self.slope(point.x, point.parameter)])
+        slope = self.slope(point.x, point.parameter, point.visit.end)
+        matrix = np.column_stack([point.visit.derivative - np.eye(m), slope])
         found = np.linalg.svd(matrix)[2][-1]
         return np.asarray(found if found @ along >= 0 else -found)
 
     def moved(self, point: Point, step: Array) -> tuple[Array, float]:
         """(x, p) from a point on by a step ``(m + 1,)`` in units."""
         return point.x + self.unit * step[:-1], point.parameter + self.span * float(step[-1])
+
+    def between(self, known: Mapping[float, Point], s: float) -> tuple[Array, float]:
+        """(x, p) at s along a line, by the polynomial through the three nearest points that are known, or two."""
+        near = sorted(known, key=lambda at: abs(at - s))[:3]
+        weights = [prod((s - other) / (at - other) for other in near if other != at) for at in near]
+        own = [known[at] for at in near]
+        x = sum(weight * point.x for weight, point in zip(weights, own, strict=True))
+        return np.asarray(x), sum(weight * point.parameter for weight, point in zip(weights, own, strict=True))
 
     def difference(self, one: Point, other: Point) -> Array:
         """``(m + 1,)``, from the other to the one, in units."""
@@ -145,18 +117,25 @@ class Curve:
 
         Raises NoPoint.
         """
-        m, least = len(x), np.inf
-        slope = np.zeros(m) if not np.any(normal[:-1]) else self.slope(x, parameter)
+        m, least, step = len(x), np.inf, np.zeros(len(x) + 1)
+        slope = None if np.any(normal[:-1]) else np.zeros(m)
+        residual, across = np.zeros(m), np.zeros((m, m))
         for iteration in range(MOST_ITERATIONS):
             visit = self.mapping(x, parameter)
-            residual = (visit.end - x) / self.unit
+            before, residual = residual, (visit.end - x) / self.unit
             size = float(np.linalg.norm(residual))
             if size <= CONVERGED or (size <= ACCEPTED and size > 0.3 * least):
                 return Point(x, parameter, visit), iteration
             if not size < 1e3 * min(least, 1.0):
                 break
             least = min(size, least)
-            matrix = np.block([[visit.derivative - np.eye(m), slope[:, None]], [normal[None]]])
+            former, across = across, visit.derivative - np.eye(m)
+            if slope is None:
+                slope = self.slope(x, parameter, visit.end)
+            elif abs(step[m]) > TOLD * np.linalg.norm(step) > TOLD * DIFFERENCE:
+                # In the middle of the step it is what the other changes leave; from its begin through there to here.
+                slope = 2 * (residual - before - 0.5 * (former + across) @ step[:m]) / step[m] - slope
+            matrix = np.block([[across, slope[:, None]], [normal[None]]])
             # Least squares: where two multipliers are 1 at once, nothing is done along the second direction.
             step = np.linalg.lstsq(matrix, -np.append(residual, 0.0), rcond=SINGULAR)[0]
             x, parameter = x + self.unit * step[:m], parameter + self.span * float(step[m])
@@ -169,10 +148,11 @@ class Curve:
     def follow(self, start: Point, along: Array, limits: StepLimits) -> Iterator[Point | str]:
         """Points from the start on to the side of ``along (m + 1,)``, the start left out; then why they end."""
         here, step, count = start, limits.first, 0
-        tangent = self.tangent(here, along)
+        tangent, bend = self.tangent(here, along), np.zeros(len(here.x) + 1)
         while count < limits.most:
             try:
-                there, iterations = self.corrected(*self.moved(here, step * tangent), tangent)
+                ahead = step * tangent + 0.5 * step**2 * (bend - (bend @ tangent) * tangent)
+                there, iterations = self.corrected(*self.moved(here, ahead), tangent)
                 following = self.tangent(there, self.difference(there, here))
             except (ArithmeticError, np.linalg.LinAlgError):
                 if step < limits.shortest:
@@ -191,7 +171,11 @@ class Curve:
             if not limits.low <= there.parameter <= limits.high:
                 yield from self._last(here, there, limits)
                 return
-            yield from self.crossings(here, there, tangent, following)
+            crossed = self._crossed(here, there, tangent, following)
+            if crossed is None and step > KINK:
+                step *= 0.5
+                continue
+            yield from crossed or []
             yield there
             count += 1
             gap = self.difference(there, start)
@@ -201,6 +185,8 @@ class Curve:
             if np.abs(there.x).max() > limits.largest * self.unit:
                 yield UNBOUNDED
                 return
+            # At a kink the curve bends otherwise behind it.
+            bend = (following - tangent) / step if turn < TURN else 0.0 * bend
             if turn < GENTLE and iterations < 5:
                 step = min(1.4 * step, limits.longest)
             here, tangent = there, following
@@ -218,12 +204,22 @@ class Curve:
         if bound != here.parameter:
             along = self.difference(last, here)
             along /= np.linalg.norm(along)
-            yield from self.crossings(here, last, along, along)
+            yield from self._crossed(here, last, along, along) or []
             yield last
         yield END
 
+    def _crossed(self, here: Point, there: Point, tangent: Array, following: Array) -> list[Point] | None:
+        """The same as a list; None where the curve is lost on the way to one."""
+        try:
+            return [*self.crossings(here, there, tangent, following)]
+        except (ArithmeticError, RuntimeError):
+            return None
+
     def crossings(self, here: Point, there: Point, tangent: Array, following: Array) -> Iterator[Point]:
-        """Where multipliers cross the unit circle between two points of the curve, in its order."""
+        """Where multipliers cross the unit circle between two points of the curve, in its order.
+
+        Raises ArithmeticError or RuntimeError where one that does is not found.
+        """
         low, high = sorted((here.outside, there.outside))
         if low == high:
             return
@@ -232,7 +228,7 @@ class Curve:
 
         def point(s: float) -> Point:
             if s not in known:
-                known[s] = self.corrected(*self.moved(here, s * tangent), tangent)[0]
+                known[s] = self.corrected(*self.between(known, s), tangent)[0]
             return known[s]
 
         def excess(s: float, n: int) -> float:
@@ -244,7 +240,8 @@ class Curve:
             try:
                 # One rounding error of the parameter, but for the flatness of the root.
                 found.append((brentq(excess, 0.0, whole, args=(n,), xtol=1e-14, rtol=1e-14, maxiter=60), n))
-            except (ArithmeticError, ValueError, RuntimeError):
+            except ValueError:
+                # It was 1 but for rounding at one of the points, and does not cross.
                 continue
         turned = tangent[-1] * following[-1] < 0
         found.sort()

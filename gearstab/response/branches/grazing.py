@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearstab.response.branches.continuation import Curve, Point
+from gearstab.response.branches.continuation import Curve
 from gearstab.response.branches.motions import GRAZING
+from gearstab.response.branches.points import Point
 from gearstab.response.branches.sections import Lap
 
 NARROW = 1e-5
@@ -44,14 +45,16 @@ def grazing_between(curve: Curve, here: Point, there: Point) -> Point | None:
     along /= whole
     without, known = contacts(few)[0], [(whole, contacts(many)[1])]
     low, high, found = 0.0, whole, many
+    points = {low: few, high: many}
     for _ in range(MOST):
         if high - low <= NARROW * whole:
             break
         s = _guess(low, high, known)
         try:
-            point, _ = curve.corrected(*curve.moved(few, s * along), along)
+            point, _ = curve.corrected(*curve.between(points, s), along)
         except ArithmeticError:
             return None
+        points[s] = point
         count, speed = contacts(point)
         if count == without:
             low = s

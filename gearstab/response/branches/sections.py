@@ -12,7 +12,7 @@ from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.propagation.first_order import bases
 from gearstab.response.backlash.contact import play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
-from gearstab.response.backlash.follow import Chatter, Timetable, Track, follow, timetable
+from gearstab.response.backlash.follow import Chatter, Contacts, Course, Track, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter, elastic
 from gearstab.response.branches.variation import factors
 from gearstab.response.linear.driven import Driven, driven
@@ -26,7 +26,7 @@ ROUNDING = float(np.finfo(float).eps)
 class Lap:
     """A motion from the elastic state ``start (m,)`` over some common periods to ``end``.
 
-    basis: ``(m, m)``, elastic states of the model from such ones.
+    elastic: which states of the model are;  basis: ``(m, m)``, such ones of it from those of the map.
     """
 
     model: Dynamics
@@ -35,12 +35,13 @@ class Lap:
     end: Array
     track: Track
     tolerance: float
+    elastic: Array
     basis: Array
 
     @cached_property
     def factors(self) -> Array:
         """``(F, m, m)``, whose product is the derivative."""
-        own = factors(self.model, self.track)
+        own = factors(self.model, self.track, self.elastic)
         return np.concatenate([self.basis[None], own, np.linalg.inv(self.basis)[None]])
 
     @cached_property
@@ -63,8 +64,7 @@ class Lap:
     def sections(self) -> Array:
         """``(periods + 1, m)``, the elastic states at the beginnings of the common periods and at the end."""
         begins = np.flatnonzero(np.diff(self.track.period, prepend=-1))
-        kept = elastic(self.model)
-        own = self.track.powers[begins, 0, : self.model.size][:, kept]
+        own = self.track.powers[begins, 0, : self.model.size][:, self.elastic]
         return np.concatenate([np.linalg.solve(self.basis, own.T).T, self.end[None]])
 
     @property
@@ -101,17 +101,19 @@ class Lap:
 class Prepared:
     """A system at a value of the parameter.
 
-    system: without the part of its load that accelerates the train;  omega: mesh frequency.
-    model, table: the equations of motion, and what varies in them.  elastic: which states are.
-    basis: ``(m, m)``, elastic states of it from those of the whole map.
+    system: without the part of its load that accelerates the train;  course: of its motions.
+    elastic: which states are.  basis: ``(m, m)``, elastic states of it from those of the whole map.
     """
 
     system: GearSystem
-    omega: float
-    model: Dynamics
-    table: Timetable
+    course: Course
     elastic: Array
     basis: Array
+
+    @property
+    def model(self) -> Dynamics:
+        """The equations of motion."""
+        return self.course.dynamics
 
     def rest(self) -> Array:
         """The elastic state ``(m,)`` of the static equilibrium on the flanks, of the whole map."""
@@ -149,6 +151,8 @@ class SectionMap:
         self.own, self.motion = self._driven(system)
         self.teeth = play(system)
         self.at = lru_cache(maxsize=4)(self._at)
+        self._first: Prepared | None = None
+        self._contacts: Contacts
 
     def _driven(self, system: GearSystem) -> tuple[GearSystem, Driven]:
         held = balanced(system, next(bases(system)))
@@ -157,16 +161,24 @@ class SectionMap:
     def _at(self, parameter: float) -> Prepared:
         """The system at a value of the parameter."""
         if self.along is None:
-            found = dynamics(self.own, replace(self.motion, omega=parameter), self.teeth)
-            kept = elastic(found)
-            return Prepared(
-                self.own, parameter, found, timetable(found, self.tolerance), kept, np.eye(int(np.count_nonzero(kept)))
-            )
+            return self._at_speed(parameter)
         system, motion = self._driven(self.along(parameter))
-        found = dynamics(system, motion, play(system))
-        kept = elastic(found)
+        course = Course.of(dynamics(system, motion, play(system)), self.tolerance)
+        kept = elastic(course.dynamics)
         basis = np.column_stack([motion.state(*pair)[kept] for pair in zip(*self._reference.physical(), strict=True)])
-        return Prepared(system, self.omega, found, timetable(found, self.tolerance), kept, basis)
+        return Prepared(system, course, kept, basis)
+
+    def _at_speed(self, omega: float) -> Prepared:
+        """The system itself at a mesh frequency: of the first one that was asked for, if modes do not depend on it."""
+        first = self._first
+        if first is None or self.motion.whole.form.by_speed is not None:
+            course = Course.of(dynamics(self.own, replace(self.motion, omega=omega), self.teeth), self.tolerance)
+            kept = elastic(course.dynamics)
+            found = self._first = Prepared(self.own, course, kept, np.eye(int(np.count_nonzero(kept))))
+        else:
+            found = replace(first, course=first.course.at(omega, self._contacts))
+        self._contacts = found.course.contacts
+        return found
 
     @cached_property
     def _reference(self) -> Prepared:
@@ -185,7 +197,7 @@ class SectionMap:
         tracks: list[Track] = []
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                for track in follow(model, x, self.tolerance, own.table):
+                for track in follow(own.course, x, self.tolerance):
                     tracks.append(track)
                     if track.period[-1] >= periods:
                         break
@@ -194,7 +206,7 @@ class SectionMap:
         last = tracks[-1]
         until = int(np.argmax(last.period >= periods))
         end = np.linalg.solve(basis, last.powers[until, 0, : model.size][kept])
-        return Lap(model, periods, start, end, joined([*tracks[:-1], last[:until]]), self.tolerance, basis)
+        return Lap(model, periods, start, end, joined([*tracks[:-1], last[:until]]), self.tolerance, kept, basis)
 
 
 def joined(tracks: list[Track]) -> Track:

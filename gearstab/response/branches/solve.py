@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.response.backlash.measure import repetition
-from gearstab.response.branches.continuation import CLOSED, DOUBLING, FOLD, MORE, Curve, Point, StepLimits
+from gearstab.response.branches.continuation import CLOSED, DOUBLING, FOLD, MORE, Curve, StepLimits
 from gearstab.response.branches.grazing import grazing_between
 from gearstab.response.branches.motions import MOST_BRANCHES, Branch, BranchMotion
+from gearstab.response.branches.points import Point
 from gearstab.response.branches.sections import Lap, SectionMap
 from gearstab.response.branches.stability import stability
 from gearstab.response.branches.switching import leaving

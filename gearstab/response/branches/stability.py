@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.response.branches.continuation import Curve, NoPoint
+from gearstab.response.branches.continuation import Curve
+from gearstab.response.branches.points import NoPoint
 from gearstab.response.branches.sections import Lap, SectionMap
 from gearstab.system import Array
 

@@ -20,8 +20,9 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import qr
 
-from gearstab.response.branches.continuation import BRANCHING, DOUBLING, FOLD, Curve, Point, StepLimits
+from gearstab.response.branches.continuation import BRANCHING, DOUBLING, FOLD, Curve, StepLimits
 from gearstab.response.branches.motions import GRAZING, Branch, BranchMotion
+from gearstab.response.branches.points import Point
 from gearstab.response.branches.sections import SectionMap
 from gearstab.system import Array
 
@@ -42,7 +43,7 @@ LEFT = {DOUBLING: "doubling", BRANCHING: "branch_point", FOLD: "branch_point"}
 
 
 class Followed(Protocol):
-    """What a search of branches knows, and does for those that leave others."""
+    """Interface of a search of branches to those that look for branches leaving others."""
 
     laps: SectionMap
     limits: StepLimits
@@ -131,7 +132,7 @@ def _alike(search: Followed, motion: BranchMotion, other: Branch) -> bool:
 
 
 def _signature(motion: BranchMotion, unit: float) -> Array:
-    """What symmetries keep: multipliers, and deflections of the meshes by size."""
+    """Return the features that symmetries keep: multipliers, and deflections of the meshes by size."""
     return np.concatenate([np.sort(np.abs(motion.stability.multipliers)), np.sort(motion.cycle.rms) / unit])
 
 

@@ -19,17 +19,17 @@ import numpy as np
 from gearstab.response.backlash.contact import KINDS
 from gearstab.response.backlash.dynamics import DEGREE, Dynamics
 from gearstab.response.backlash.follow import Track
-from gearstab.response.backlash.measure import elastic
 from gearstab.system import Array
 
 
-def factors(model: Dynamics, track: Track) -> Array:
-    """``(F, m, m)``: the matrices that a deviation of the elastic state meets on its way, the first one first."""
+def factors(model: Dynamics, track: Track, elastic: Array) -> Array:
+    """``(F, m, m)``: the matrices that a deviation of the elastic state meets on its way, the first one first.
+
+    elastic: which states are.
+    """
     contacts, which = np.unique(track.contact, axis=0, return_inverse=True)
-    made_of = [model.generators(contact) for contact in contacts]
-    constant, parts = (np.stack(part)[np.ravel(which)] for part in zip(*made_of, strict=True))
-    row, column = np.ix_(elastic(model), elastic(model))
-    constant, parts = constant[:, row, column], parts[:, :, row, column]
+    row, column = np.ix_(elastic, elastic)
+    constant, parts = (part[..., row, column][np.ravel(which)] for part in model.generators(contacts))
     generators = np.einsum("skj,sjab->skab", track.values, parts)
     generators[:, 0] += constant
     found = _flows(generators * track.length[:, None, None, None])

@@ -10,9 +10,9 @@ from gearstab.errors import NotPossible
 from gearstab.interrupts import heed
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.steady import STATUS_FLAGS, SteadyStart, starts
-from gearstab.response.measures.connections import ConnectionForces, forces
+from gearstab.response.measures.connections import ConnectionForces, ForceMeter
 from gearstab.response.measures.pairs_in_contact import Contact, contact
-from gearstab.response.measures.panels import COARSE, pieces
+from gearstab.response.measures.panels import COARSE, PanelSamples, mesh_gauges, readings, samples
 from gearstab.system import Array, GearSystem
 
 UNRESOLVED = 0.02
@@ -84,68 +84,89 @@ def speed_response(
     held = ConnectionForces.empty(system, omega.shape) if connected else None
     for row, column, begin in starts(system, omega, tolerance, samples_per_cycle):
         part = Contact(pairs.begin[row], pairs.pairs[row], pairs.lag[row])
-        found, flags = _measured(begin, static[row], part, samples_per_cycle)
-        table[:, row, column] = found
+        meshes = _MeshMeter(begin, part, static.shape[1])
+        loads = None if held is None else ForceMeter(system, begin)
+        with np.errstate(over="ignore", invalid="ignore"):
+            _follow(begin, samples_per_cycle, meshes, loads)
+            table[:, row, column], flags = meshes.found(static[row])
+            if held is not None and loads is not None:
+                held.put(row, column, loads.found(), flags & STATUS_FLAGS["failed"] != 0)
         status[row, column] = flags
-        if held is not None:
-            panels = samples_per_cycle * begin.points.excitation.counts[0] / 4
-            held.put(row, column, forces(system, begin, panels), flags & STATUS_FLAGS["failed"] != 0)
     scale = np.where(static != 0, np.abs(static), np.nan)[:, None]
     peak, mean, spread, span, error, least, harmonic, fewest, tooth = table
     factors = (peak / scale, fewest / scale, tooth / scale)
     return SpeedResponse(peak, mean, spread, span, error, least, harmonic, *factors, status, held)
 
 
-def _measured(begin: SteadyStart, static: Array, pairs: Contact, samples_per_cycle: int) -> tuple[Array, Array]:
-    """The measures ``(9, K, meshes)``, the last two the forces of the last two factors, and the flags ``(K,)``."""
-    count, meshes = len(begin.x), static.shape[1]
-    panels = samples_per_cycle * begin.points.excitation.counts[0] / 4
-    low, high = np.full((2, count, meshes), np.inf), np.full((2, count, meshes), -np.inf)
-    # Deviations from a value of the motion itself: a small fluctuation of a large force keeps its digits.
-    origin: Array | None = None
-    first, second, rough = np.zeros((3, 2, count, meshes))
-    fewest, more = np.full((2, count, meshes), -np.inf)
-    doubt = np.zeros((2, count, meshes))
-    harmonic = np.zeros((count, meshes), dtype=complex)
-    cycles = np.array(begin.points.excitation.counts[:meshes])
-    with np.errstate(over="ignore", invalid="ignore"):
-        for piece in pieces(begin.points, begin.x, panels):
-            heed()
-            values = np.stack([piece.force, piece.deflection], axis=4)
-            if origin is None:
-                origin = values[0, 0, 0]
-            ends = piece.extremes()
-            least, greatest, off = (np.moveaxis(part, 2, 0) for part in ends)
-            low, high = np.minimum(low, least.min(axis=1)), np.maximum(high, greatest.max(axis=1))
-            doubt = np.maximum(doubt, off.max(axis=1))
-            # Pairs enter and leave between intervals, so that the middle of one tells.
-            few = pairs.fewest(piece.middle[..., None] * cycles)
-            largest = np.maximum(np.abs(least[0]), np.abs(greatest[0]))
-            fewest = np.maximum(fewest, np.where(few, largest, -np.inf).max(axis=0))
-            more = np.maximum(more, np.where(few, -np.inf, largest).max(axis=0))
-            harmonic += 2 * piece.mean(np.exp(-2j * np.pi * piece.tau[..., None] * cycles) * piece.deflection)
-            values = values - origin
-            first += np.moveaxis(piece.mean(values), 1, 0)
-            second += np.moveaxis(piece.mean(values**2), 1, 0)
-            rough += np.moveaxis(piece.mean(values**2, COARSE), 1, 0)
-        assert origin is not None
-        variance = np.maximum(second - first**2, 0.0)
+class _MeshMeter:
+    """Measures of mesh forces and deflections, from one part of the common period after the other."""
+
+    def __init__(self, begin: SteadyStart, pairs: Contact, meshes: int) -> None:
+        shape = (len(begin.x), meshes)
+        self.begin, self.pairs = begin, pairs
+        self.cycles = np.array(begin.points.excitation.counts[:meshes])
+        self.low, self.high = np.full((2, *shape), np.inf), np.full((2, *shape), -np.inf)
+        # Deviations from a value of the motion itself: a small fluctuation of a large force keeps its digits.
+        self.origin: Array | None = None
+        self.first, self.second, self.rough = np.zeros((3, 2, *shape))
+        self.fewest, self.more = np.full((2, *shape), -np.inf)
+        self.doubt = np.zeros((2, *shape))
+        self.harmonic = np.zeros(shape, dtype=complex)
+
+    def add(self, piece: PanelSamples) -> None:
+        """Take a part of the common period into account."""
+        values = np.stack([piece.force, piece.deflection], axis=4)
+        self.origin = values[0, 0, 0] if self.origin is None else self.origin
+        least, greatest, off = (np.moveaxis(part, 2, 0) for part in piece.extremes())
+        self.low, self.high = np.minimum(self.low, least.min(axis=1)), np.maximum(self.high, greatest.max(axis=1))
+        self.doubt = np.maximum(self.doubt, off.max(axis=1))
+        # Pairs enter and leave between intervals, so that the middle of one tells.
+        few = self.pairs.fewest(piece.middle[..., None] * self.cycles)
+        largest = np.maximum(np.abs(least[0]), np.abs(greatest[0]))
+        self.fewest = np.maximum(self.fewest, np.where(few, largest, -np.inf).max(axis=0))
+        self.more = np.maximum(self.more, np.where(few, -np.inf, largest).max(axis=0))
+        self.harmonic += 2 * piece.mean(np.exp(-2j * np.pi * piece.tau[..., None] * self.cycles) * piece.deflection)
+        values = values - self.origin
+        self.first += np.moveaxis(piece.mean(values), 1, 0)
+        self.second += np.moveaxis(piece.mean(values**2), 1, 0)
+        self.rough += np.moveaxis(piece.mean(values**2, COARSE), 1, 0)
+
+    def found(self, static: Array) -> tuple[Array, Array]:
+        """Return the measures ``(9, K, meshes)``, the last two of the forces of the last two factors, and flags."""
+        assert self.origin is not None
+        low, high = self.low, self.high
+        variance = np.maximum(self.second - self.first**2, 0.0)
         peak = np.maximum(np.abs(low[0]), np.abs(high[0]))
-    mean = np.moveaxis(origin, 1, 0)[0] + first[0]
-    status = begin.status.copy()
-    parting = np.any(np.where(static > 0, low[0] < 0, (static < 0) & (high[0] > 0)), axis=1)
-    blurred = np.abs(rough - second)[0] > UNRESOLVED * variance[0] + (STEADY * peak) ** 2
-    blurred |= np.any(doubt > DOUBTFUL * (high - low) + STEADY * np.maximum(np.abs(low), np.abs(high)), axis=0)
-    status[parting] |= STATUS_FLAGS["separation"]
-    status[np.any(blurred, axis=1)] |= STATUS_FLAGS["unresolved"]
-    found = np.stack([
-        peak, mean, np.sqrt(variance[0]), high[1] - low[1], np.sqrt(variance[1]), low[0], np.abs(harmonic),
-        *_by_pairs(fewest, more, pairs.pairs),
-    ])  # fmt: skip
-    failed = ~np.isfinite(found[:7]).all(axis=(0, 2))
-    status[failed] |= STATUS_FLAGS["failed"]
-    found[:, failed] = np.nan
-    return found, status
+        mean = np.moveaxis(self.origin, 1, 0)[0] + self.first[0]
+        status = self.begin.status.copy()
+        parting = np.any(np.where(static > 0, low[0] < 0, (static < 0) & (high[0] > 0)), axis=1)
+        blurred = np.abs(self.rough - self.second)[0] > UNRESOLVED * variance[0] + (STEADY * peak) ** 2
+        least = DOUBTFUL * (high - low) + STEADY * np.maximum(np.abs(low), np.abs(high))
+        blurred |= np.any(self.doubt > least, axis=0)
+        status[parting] |= STATUS_FLAGS["separation"]
+        status[np.any(blurred, axis=1)] |= STATUS_FLAGS["unresolved"]
+        measures = np.stack([
+            peak, mean, np.sqrt(variance[0]), high[1] - low[1], np.sqrt(variance[1]), low[0], np.abs(self.harmonic),
+            *_by_pairs(self.fewest, self.more, self.pairs.pairs),
+        ])  # fmt: skip
+        failed = ~np.isfinite(measures[:7]).all(axis=(0, 2))
+        status[failed] |= STATUS_FLAGS["failed"]
+        measures[:, failed] = np.nan
+        return measures, status
+
+
+def _follow(begin: SteadyStart, samples_per_cycle: int, meshes: _MeshMeter, loads: ForceMeter | None) -> None:
+    """Follow steady states through their common period, once for all meters."""
+    panels = samples_per_cycle * begin.points.excitation.counts[0] / 4
+    gauges = mesh_gauges(begin.points)
+    own = gauges.shape[1]
+    if loads is not None:
+        gauges = np.concatenate([gauges, loads.gauges], axis=1)
+    for piece in readings(begin.points, begin.x, gauges, panels):
+        heed()
+        meshes.add(samples(piece.of(0, own)))
+        if loads is not None:
+            loads.add(piece.of(own))
 
 
 def _by_pairs(fewest: Array, more: Array, pairs: Array) -> tuple[Array, Array]:

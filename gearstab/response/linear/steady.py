@@ -14,16 +14,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.floquet.kernel.c_points import chained
 from gearstab.propagation.bundles import Bundle, bundles
+from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import Excitation, excitation
 from gearstab.propagation.first_order import FirstOrder, ModalMatrices, bases
 from gearstab.propagation.intervals import SteadyPoints
+from gearstab.propagation.magnus import ORDER
 from gearstab.response.measures.panels import fastest
 from gearstab.system import Array, GearSystem
 
@@ -198,22 +201,29 @@ def resolution(equation: Equation, at: Array, omega: Array, tolerance: float) ->
             f"the mesh frequency is too low for waves that vary smoothly: the fastest mode vibrates {turns:.3g} times "
             f"in a common period, more than {SLOW}"
         )
-    before: Array | None = None
-    steps = max(FEWEST, int(np.ceil(2 * np.pi * turns * longest / REACH)))
-    while steps <= 2 * MOST:
-        # Too few steps may overflow; more follow.
-        with np.errstate(over="ignore", invalid="ignore"):
-            matrix, shift = period_map(replace(points, steps=steps))
-        found = np.concatenate([matrix, shift[:, :, None]], axis=2)
-        if before is not None and np.isfinite(before).all() and np.isfinite(found).all():
-            size = np.abs(found).max(axis=1, keepdims=True)
-            # Of sixth order: twice as many steps leave 1/64 of the error.
-            error = np.abs(found - before).max(axis=1, keepdims=True) / 63
-            if np.all(error <= tolerance * np.where(size > 0, size, 1.0)):
-                return steps
-        before, steps = found, 2 * steps
-    if before is not None and not np.isfinite(before).all():
-        return MOST  # beyond double precision, which the status will say
-    raise NotPossible(
+    rough = NotPossible(
         f"mesh stiffness too rough for the tolerance {tolerance:g}: {MOST} steps per interval are not enough"
     )
+    fewest = max(FEWEST, int(np.ceil(2 * np.pi * turns * longest / REACH)))
+    if fewest > MOST:
+        raise rough
+
+    @cache
+    def found(doublings: int) -> Array:
+        # Too few steps may overflow; more follow.
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrix, shift = period_map(replace(points, steps=fewest * 2**doublings))
+        return np.concatenate([matrix, shift[:, :, None]], axis=2)
+
+    control = StepControl(np.array([1]), int(np.log2(2 * MOST / fewest)), tolerance, ORDER)
+    for doublings, _ in control:
+        fine, coarse = found(doublings), found(doublings - 1)
+        size = np.abs(fine).max(axis=1, keepdims=True)
+        with np.errstate(invalid="ignore"):
+            error = np.max(np.abs(fine - coarse) / np.where(size > 0, size, 1.0)) * remainder(ORDER)
+        control.judge(error if np.isfinite(error) else np.inf)
+    if not np.isfinite(fine).all():
+        return MOST  # beyond double precision, which the status will say
+    if not error <= tolerance:
+        raise rough
+    return int(fewest * 2**doublings)

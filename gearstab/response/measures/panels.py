@@ -7,7 +7,7 @@ polynomials of degree seven, and values with their derivatives give the extremes
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,10 +45,14 @@ class Panels:
 
 @dataclass(frozen=True)
 class Readings(Panels):
-    """What gauges show, ``values (panels, 5, Q, K, i)``, in a part of the common period."""
+    """Readings of gauges, ``values (panels, 5, Q, K, i)``, in a part of the common period."""
 
     part: Bundle | Interval
     values: Array
+
+    def of(self, first: int, last: int | None = None) -> Readings:
+        """Return what some of the gauges show."""
+        return replace(self, values=self.values[..., first:last])
 
 
 @dataclass(frozen=True)
@@ -73,12 +77,13 @@ class PanelSamples(Panels):
 
 def pieces(points: SteadyPoints, x: Array, panels: float) -> Iterator[PanelSamples]:
     """The steady state that begins with x ``(K, m)``; about that many panels in a common period."""
-    for piece in readings(points, x, _gauges(points), panels):
-        yield _bundled(piece, piece.part) if isinstance(piece.part, Bundle) else _alone(piece, piece.part)
+    return map(samples, readings(points, x, mesh_gauges(points), panels))
 
 
 def readings(points: SteadyPoints, x: Array, gauges: Array, panels: float) -> Iterator[Readings]:
-    """The same as ``gauges`` see it, ``(r, i, m)``: i linear functions of the state, for every row."""
+    """The steady state that begins with x ``(K, m)``, as ``gauges`` see it, ``(r, i, m)``: i linear functions of the
+    state, for every row; about that many panels in a common period.
+    """
     for part in bundles(points):
         if isinstance(part, Bundle):
             course, x = part.through(x)
@@ -90,7 +95,12 @@ def readings(points: SteadyPoints, x: Array, gauges: Array, panels: float) -> It
             yield found
 
 
-def _gauges(points: SteadyPoints) -> Array:
+def samples(piece: Readings) -> PanelSamples:
+    """Mesh forces and deflections from what :func:`mesh_gauges` show."""
+    return _bundled(piece, piece.part) if isinstance(piece.part, Bundle) else _alone(piece, piece.part)
+
+
+def mesh_gauges(points: SteadyPoints) -> Array:
     """``(r, 2 meshes, m)``, mesh deflections and their derivatives with respect to time from x."""
     basis = points.basis
     directions = points.excitation.directions

@@ -22,6 +22,57 @@ SHORTEST = 32
 
 
 @dataclass(frozen=True)
+class Windows:
+    """Windows of Hann along a run-up.
+
+    count, hop: samples of a window, and from the beginning of one to that of the next. step: seconds between samples.
+    theta: ``(samples,)``, phase of Omega.
+    """
+
+    count: int
+    hop: int
+    step: float
+    theta: Array
+
+    @classmethod
+    def of(cls, found: RampResponse) -> Windows | None:
+        """Return the windows of a run-up; None for fewer than ``SHORTEST`` samples and what outgrows its squares.
+
+        A window is as long as the speed needs to change by what the window resolves, ``T = sqrt(2 pi/|dOmega/dt|)``: a
+        longer one would smear the first harmonic of the mesh frequency, a shorter one tells frequencies apart less
+        well.
+        """
+        time, speed = found.time, found.mesh_frequency
+        if len(time) < SHORTEST or not np.abs(found.mesh_force).max() < LARGEST:
+            return None
+        step = float(time[1] - time[0])
+        rate = float(speed[-1] - speed[0]) / float(time[-1])
+        count = int(np.clip(np.sqrt(tau / abs(rate)) / step, SHORTEST, len(time)))
+        hop = max(1, count // 4, -(-(len(time) - count) // MOST_MOMENTS))
+        theta = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * step)])
+        return cls(count, hop, step, theta)
+
+    def harmonics(self, signal: Array, orders: Array) -> Array:
+        """Amplitudes ``(W, orders, C)`` of signals ``(samples, C)`` at multiples ``(orders, C or 1)`` of Omega.
+
+        Their phase theta is known, so that none is smeared at any rate:
+
+            a_r = 2 |sum_k w_k [F_k - mean] exp(-i r theta_k)| / sum_k w_k.
+        """
+        from scipy.signal.windows import hann
+
+        window = hann(self.count, sym=False)
+        starts = range(0, len(signal) - self.count + 1, self.hop)
+        amplitude = np.empty((len(starts), len(orders), signal.shape[1]))
+        for k, start in enumerate(starts):
+            own = slice(start, start + self.count)
+            weighted = window[:, None] * (signal[own] - signal[own].mean(axis=0))
+            turned = weighted[:, None] * np.exp(-1j * self.theta[own][:, None, None] * orders)
+            amplitude[k] = 2 * np.abs(turned.sum(axis=0)) / window.sum()
+        return amplitude
+
+
+@dataclass(frozen=True)
 class Waterfall:
     """Amplitudes in windows of Hann.
 
@@ -39,38 +90,22 @@ class Waterfall:
 
 
 def waterfall(system: GearSystem, found: RampResponse) -> Waterfall | None:
-    """Compute the amplitudes of a run-up; None for fewer than ``SHORTEST`` samples and what outgrows its squares.
+    """Compute the amplitudes of the mesh forces of a run-up; None without :class:`Windows`.
 
-    A window is as long as the speed needs to change by what the window resolves, ``T = sqrt(2 pi/|dOmega/dt|)``: a
-    longer one would smear the first harmonic of the mesh frequency, a shorter one tells frequencies apart less well.
-    Spectra are those of :func:`scipy.signal.spectrogram`; harmonics s are followed with the phase theta(t) of the first
-    mesh, which is known, and so are not smeared at any rate:
-
-        a_s = 2 |sum_k w_k [F_k - mean] exp(-i s r theta_k)| / sum_k w_k.
+    Spectra are those of :func:`scipy.signal.spectrogram`.
     """
     from scipy.signal import spectrogram
-    from scipy.signal.windows import hann
 
-    time, speed = found.time, found.mesh_frequency
-    if len(time) < SHORTEST or not np.abs(found.mesh_force).max() < LARGEST:
+    windows = Windows.of(found)
+    if windows is None:
         return None
-    step = float(time[1] - time[0])
-    rate = float(speed[-1] - speed[0]) / float(time[-1])
-    count = int(np.clip(np.sqrt(tau / abs(rate)) / step, SHORTEST, len(time)))
-    hop = max(1, count // 4, -(-(len(time) - count) // MOST_MOMENTS))
     hertz, middle, power = spectrogram(
-        found.mesh_force.T, 1 / step, "hann", count, count - hop, detrend="constant", scaling="spectrum"
+        found.mesh_force.T, 1 / windows.step, "hann", windows.count, windows.count - windows.hop, detrend="constant",
+        scaling="spectrum",
     )  # fmt: skip
     ratios = np.array([float(mesh.frequency_ratio) for mesh in system.whole_meshes])
-    shown = tau * hertz <= MOST_ORDERS * ratios.max() * speed.max()
-    window = hann(count, sym=False)
-    theta = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * step)])
-    turns = theta[:, None, None] * ratios * np.arange(1, HARMONICS + 1)[:, None]
-    harmonics = np.empty((len(middle), HARMONICS, len(ratios)))
-    for k in range(len(middle)):
-        own = slice(k * hop, k * hop + count)
-        force = found.mesh_force[own] - found.mesh_force[own].mean(axis=0)
-        weighted = window[:, None, None] * force[:, None] * np.exp(-1j * turns[own])
-        harmonics[k] = 2 * np.abs(weighted.sum(axis=0)) / window.sum()
+    shown = tau * hertz <= MOST_ORDERS * ratios.max() * found.mesh_frequency.max()
+    harmonics = windows.harmonics(found.mesh_force, ratios * np.arange(1, HARMONICS + 1)[:, None])
     spectrum = np.sqrt(2 * np.moveaxis(power, 0, -1)).swapaxes(0, 1)[:, shown]
-    return Waterfall(middle, np.interp(middle, time, speed), count * step, tau * hertz[shown], spectrum, harmonics)
+    speed = np.interp(middle, found.time, found.mesh_frequency)
+    return Waterfall(middle, speed, windows.count * windows.step, tau * hertz[shown], spectrum, harmonics)

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 from math import nan
 from typing import Any
 
+from gearstab.results.variables.flags import Flags
+
 GRID = "(all axes of the sweep)"
 """In ``dims``: all axes, in the order of the configuration."""
 
@@ -67,6 +69,11 @@ class Variable:
         """Whether its first dimension is a list that differs from row to row: of tongues, or of parts of the range."""
         return "tongue" in self.dims or self.of_parts
 
+    @property
+    def lead(self) -> int:
+        """Number of dimensions before the axes of the sweep."""
+        return next((k for k, dim in enumerate(self.dims) if dim in (GRID, ROWS)), 0)
+
     def over(self, grid: Sequence[str], rows: Sequence[str]) -> Variable:
         """The variable with GRID and ROWS replaced by the names of a sweep's axes."""
         known = {GRID: tuple(grid), ROWS: tuple(rows)}
@@ -75,7 +82,7 @@ class Variable:
 
 def flagged(variables: Sequence[Variable], flags: Mapping[str, int]) -> tuple[Variable, ...]:
     """The variables of a table, those of flags (``status``, ``notices``) with their names and bits."""
-    said = {"flag_masks": list(flags.values()), "flag_meanings": " ".join(flags)}
+    said = Flags(flags).attributes
     return tuple(replace(v, attributes=said) if v.name in ("status", "notices") else v for v in variables)
 
 

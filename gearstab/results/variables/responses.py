@@ -156,6 +156,14 @@ def history_of_connections(part: str, unit: str) -> tuple[Variable, ...]:
     return coordinate(part, part, TEXT, "1", part), Variable(name, ("time", part), "f8", unit, words)
 
 
+def run_up_of_connections(part: str, unit: str) -> tuple[Variable, ...]:
+    """Variables of a run-up, over time and over the speed, of all connections of a part."""
+    name, words = load_of(part)
+    dims = (SPEED, MESH_ORDER, part)
+    own = Variable(f"{name}_harmonic", dims, "f8", unit, f"amplitude of the {words} at an order")
+    return *history_of_connections(part, unit), own
+
+
 def load_of(part: str) -> tuple[str, str]:
     """Return the name of what a part carries, ``bearing_force`` or ``shaft_torque``, and its words."""
     name = f"{part}_{'torque' if part == 'shaft' else 'force'}"

@@ -26,7 +26,8 @@ from gearstab.results.variables import GRID
 from gearstab.sweep.compute import compute
 from gearstab.sweep.effort.clock import within
 from gearstab.sweep.effort.words import duration
-from gearstab.sweep.plan import GridBlock, Layout, Plan
+from gearstab.sweep.layout import GridBlock, Layout
+from gearstab.sweep.plan import Plan
 from gearstab.sweep.storage import store
 
 BUDGET = 6.0
@@ -336,8 +337,8 @@ def _sample(plan: Plan, layout: Layout, clock: Clock, wanted: float, place: floa
 
 
 def _bytes_a_point(layout: Layout, encoded: float) -> float:
-    over_grid = [variable for variable in layout.method.results if GRID in variable.dims]
-    return sum(np.dtype(v.dtype).itemsize * prod(layout.inner(v)) for v in over_grid) or 4 * encoded
+    over_grid = [own.point_bytes for own in layout.results if GRID in own.variable.dims]
+    return sum(over_grid) or 4 * encoded
 
 
 def block_at(layout: Layout, inner: int | None, wanted: float, place: float = 0.5) -> GridBlock:

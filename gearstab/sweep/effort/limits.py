@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,8 @@ from gearstab.methods import RANGE
 from gearstab.results.output import free_bytes
 from gearstab.sweep.effort.estimate import LONG, Estimate, estimate, of_ranges, small
 from gearstab.sweep.effort.words import octets
-from gearstab.sweep.plan import Layout, Plan
+from gearstab.sweep.layout import Layout
+from gearstab.sweep.plan import Plan
 from gearstab.sweep.storage.parts import PartFolder
 
 MOST_POINTS = 1_000_000_000
@@ -92,9 +92,9 @@ def _bytes(layout: Layout) -> int:
     they had ten.
     """
     total = 0
-    for variable in layout.method.results:
-        tongues = 10 if "tongue" in variable.dims else 1
-        total += np.dtype(variable.dtype).itemsize * prod(layout.inner(variable)) * tongues * layout.points
+    for own in layout.results:
+        tongues = 10 if "tongue" in own.variable.dims else 1
+        total += own.point_bytes * tongues * layout.points
     return total
 
 

@@ -13,7 +13,7 @@ from gearstab.config import Axis, Config
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.methods import Key
 from gearstab.results.chunks import decode, encode
-from gearstab.results.display import FACTOR, OPERATING_RANGE, SPEEDS, typed
+from gearstab.results.display import ASIDE, CYCLES, FACTOR, FREQUENCY, OPERATING_RANGE, SPEEDS, typed
 from gearstab.results.guard import SWEEP
 from gearstab.results.output import Look
 from gearstab.results.provenance import modes_group, root_attributes
@@ -22,24 +22,30 @@ from gearstab.results.units import in_units_of
 from gearstab.results.variables import OCCURRENCE, TEXT, TONGUE, Variable, coordinate
 from gearstab.results.write import write_result
 from gearstab.sweep import teeth
-from gearstab.sweep.compute import inner_shape, moved
-from gearstab.sweep.plan import Layout
-from gearstab.sweep.storage.earlier import origin
+from gearstab.sweep.compute import moved
+from gearstab.sweep.layout import Layout, VariableLayout
 from gearstab.sweep.storage.parts import FinishedBlock
-from gearstab.sweep.storage.store import Finished
+from gearstab.sweep.storage.previous import origin
+from gearstab.sweep.storage.store import Store
 from gearstab.system import Array
 
 
-def result_tree(finished: Finished, said: Mapping[str, str]) -> ResultTree:
+def result_tree(store: Store, said: Mapping[str, str]) -> ResultTree:
     """The whole result of a plan of which all is finished; ``said``: what its root says besides."""
-    plan = finished.plan
-    axes = [with_range(field, plan.config) for axis in plan.config.axes for field in axis_fields(axis)]
-    root = Group(tuple(axes), root_attributes(SWEEP, plan.config) | dict(said))
+    plan = store.plan
+    axes = {axis.name: _fields(axis, plan.config) for axis in plan.config.axes}
+    # Motions along branches have a mesh frequency each, and groups inherit no axis of that name.
+    varies = any(v.name == FREQUENCY for layout in plan.layouts for v in layout.method.variables())
+    named = {FREQUENCY} & {*axes} if varies else set()
+    own = {name: fields if name in named else fields[1:] for name, fields in axes.items()}
+    inherited = [
+        _aside(field) if field.variable.name in named else field for fields in axes.values() for field in fields
+    ]
+    root = Group(tuple(inherited), root_attributes(SWEEP, plan.config) | dict(said))
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
-        names = set(layout.dims)
-        beside = [field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis)[1:]]
-        groups[layout.method.name] = _method_group(finished, layout, beside)
+        beside = [field for name in axes if name in layout.dims for field in own[name]]
+        groups[layout.method.name] = _method_group(store, layout, beside)
     if plan.teeth is not None:
         groups[teeth.NAME] = teeth.group(plan.teeth)
     return ResultTree(root, groups)
@@ -64,38 +70,48 @@ def axis_fields(axis: Axis) -> list[Field]:
     return fields
 
 
+def _fields(axis: Axis, config: Config) -> list[Field]:
+    """The coordinates of an axis, with the ranges of operation."""
+    return [with_range(field, config) for field in axis_fields(axis)]
+
+
+def _aside(field: Field) -> Field:
+    """The coordinate of an axis as one along another dimension."""
+    return replace(field, variable=replace(field.variable, dims=(ASIDE,)))
+
+
 def with_range(field: Field, config: Config) -> Field:
-    """Return an axis of speeds with the operating ranges that the section ``design`` gives, any other as it is."""
+    """Return an axis of speeds with the cycles in a turn of the input, where they are the same everywhere, and the
+    operating ranges that the section ``design`` gives; any other axis as it is.
+    """
     name = field.variable.name
-    if config.design is None or name not in SPEEDS:
+    if name not in SPEEDS:
         return field
-    cycles = float(config.system.cycles_of_input() or 1.0)
-    ends = []
-    for item in config.design.ranges:
-        factor = 1.0 if item.of == name else cycles if item.of == INPUT_SPEED else 1 / cycles
-        ends += [item.low * factor, item.high * factor]
-    attributes = {**field.variable.attributes, OPERATING_RANGE: ends}
+    cycles, attributes = config.system.cycles_of_input(), dict(field.variable.attributes)
+    if cycles is not None and not any("teeth" in item.path for axis in config.axes for item in axis.assignments):
+        attributes[CYCLES] = float(cycles)
+    if config.design is not None:
+        ends = []
+        for item in config.design.ranges:
+            factor = 1.0 if item.of == name else cycles or 1.0 if item.of == INPUT_SPEED else 1 / (cycles or 1.0)
+            ends += [item.low * float(factor), item.high * float(factor)]
+        attributes[OPERATING_RANGE] = ends
     return replace(field, variable=replace(field.variable, attributes=attributes))
 
 
-def _method_group(finished: Finished, layout: Layout, beside: list[Field]) -> Group:
-    plan, parts = finished.plan, {block.key: finished.blocks[block.key] for block in layout.blocks()}
+def _method_group(store: Store, layout: Layout, beside: list[Field]) -> Group:
+    plan, parts = store.plan, {block.key: store.blocks[block.key] for block in layout.blocks()}
     tongues = layout.method.unite(part.tongues for part in parts.values())
     values = {**tongue_coordinates(tongues), **layout.method.constants()}
-    axes, fields = {axis.name for axis in plan.config.axes}, []
+    fields = []
     for variable in in_units_of(plan.base, layout.method.variables()):
         resolved = variable.over(layout.dims, layout.dims)
-        if resolved.name in axes:
-            # As a coordinate of its own it stands before the axis of that name, which groups inherit.
-            resolved = replace(resolved, coordinate=True)
         if variable.coordinate:
             if variable.name in values:
                 fields.append(Field(resolved, values[variable.name]))
-        elif not variable.listed:
-            fields.append(Field(resolved, _over_points(layout, variable, parts)))
         else:
             places, count = _places(variable, parts, tongues)
-            fields.append(Field(resolved, _listed(layout, variable, parts, places, count)))
+            fields.append(Field(resolved, _chunked(layout, layout.of(variable), parts, places, count)))
     return Group((*fields, *beside), layout.method.attributes())
 
 
@@ -105,54 +121,40 @@ def tongue_coordinates(index: Sequence[Key]) -> dict[str, list[Any]]:
     return found | {OCCURRENCE.name: [occurrence for _, occurrence in index]}
 
 
-def _over_points(layout: Layout, variable: Variable, parts: Mapping[str, FinishedBlock]) -> Chunked:
-    """A variable of one chunk a block."""
-    rest = layout.inner(variable)
-
-    def pieces() -> Iterator[tuple[Offset, Encoded]]:
-        for block in layout.blocks():
-            yield block.start + (0,) * len(rest), parts[block.key].encoded(variable.name)[0]
-
-    return Chunked(layout.shape + rest, layout.chunk + rest, pieces)
-
-
 def _places(
     variable: Variable, parts: Mapping[str, FinishedBlock], tongues: tuple[Key, ...]
 ) -> tuple[dict[str, Array], int]:
-    """Where the chunks of each block stand along the variable's first dimension, and how long that is."""
-    if variable.of_parts:
+    """Where the chunks of each block stand along the list of a variable, and how long that is."""
+    if variable.of_parts or not variable.listed:
         found = {key: np.arange(len(part.pieces(variable.name))) for key, part in parts.items()}
         return found, max((len(index) for index in found.values()), default=0)
     place = {tongue: k for k, tongue in enumerate(tongues)}
     return {key: np.array([place[t] for t in part.tongues], dtype=int) for key, part in parts.items()}, len(tongues)
 
 
-def _listed(
-    layout: Layout, variable: Variable, parts: Mapping[str, FinishedBlock], places: Mapping[str, Array], count: int
+def _chunked(
+    layout: Layout, own: VariableLayout, parts: Mapping[str, FinishedBlock], places: Mapping[str, Array], count: int
 ) -> Chunked:
-    """A variable of one chunk a tongue, or stretch, and block."""
-    sides, rest = (2,) if "side" in variable.dims else (), inner_shape(layout, variable)
-    shape = (1, *sides, *layout.chunk, *rest)
+    """Values of a variable: one chunk a block, or one an entry of the list, and block."""
 
     def pieces() -> Iterator[tuple[Offset, Encoded]]:
         for block in layout.blocks():
             index = places[block.key]
-            for k, data in zip(index, parts[block.key].encoded(variable.name), strict=True):
-                if variable.index_of == "tongue":
-                    data = encode(
-                        moved(decode(octets(data), shape, variable.dtype), index).astype(variable.dtype), shape
-                    )
-                yield (int(k), *(0 for _ in sides), *block.start, *(0 for _ in rest)), data
+            for k, data in zip(index, parts[block.key].encoded(own.variable.name), strict=True):
+                if own.variable.index_of == "tongue":
+                    values = decode(octets(data), own.piece, own.variable.dtype)
+                    data = encode(moved(values, index).astype(own.variable.dtype), own.piece)
+                yield own.offset(block, int(k)), data
 
-    return Chunked((count, *sides, *layout.shape, *rest), shape, pieces)
+    return Chunked(own.shape_in_file(count), own.chunk_in_file, pieces)
 
 
-def write(finished: Finished, out: Path, look: Look) -> None:
+def write(store: Store, out: Path, look: Look) -> None:
     """Write the result to ``out``.
 
     look: raises where ``out`` must not be replaced any more. Raises OSError, whatever else is in the way.
     """
-    said = origin(finished.plan.config, out)
-    if finished.plan.taken is not None:
-        said["extended_from"] = str(finished.plan.taken.path)
-    write_result(out, result_tree(finished, said), look)
+    said = origin(store.plan.config, out)
+    if store.plan.taken is not None:
+        said["extended_from"] = str(store.plan.taken.path)
+    write_result(out, result_tree(store, said), look)

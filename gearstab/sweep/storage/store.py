@@ -6,14 +6,13 @@ import os
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 
 import numpy as np
 
-from gearstab.results.chunks import decode
-from gearstab.sweep.plan import GridBlock, Layout, Plan
+from gearstab.sweep.layout import GridBlock, Layout
+from gearstab.sweep.plan import Plan
 from gearstab.sweep.storage.parts import LOCK, FinishedBlock, PartFolder
 from gearstab.sweep.storage.verify import fits
 from gearstab.system import Array
@@ -27,12 +26,20 @@ MOST_SECONDS, MOST_BYTES = 2.0, 1 << 26
 """How much work, and how much memory, an unforeseen end of the process may cost."""
 
 
-@dataclass(frozen=True)
-class Finished:
-    """The finished blocks of a plan, by key."""
+class Store:
+    """Finished blocks of a plan, by key, in memory and on the disk.
 
-    plan: Plan
-    blocks: dict[str, FinishedBlock] = field(default_factory=dict)
+    kept: whether they outlive a sweep that does not end; else nothing is worth finishing after an interrupt.
+    """
+
+    def __init__(self, plan: Plan, folder: PartFolder, kept: bool = True) -> None:
+        self.folder, self.kept = folder, kept
+        self.plan = plan
+        self.blocks: dict[str, FinishedBlock] = {}
+        self._hold = Hold(folder.path)
+        self._start = monotonic()
+        self._waiting: dict[str, FinishedBlock] = {}
+        self._size = 0
 
     def of(self, layout: Layout) -> list[FinishedBlock]:
         """Return what is there of a method, in the order of its blocks."""
@@ -56,27 +63,12 @@ class Finished:
 
     def rows(self, layout: Layout, variable: str) -> Array:
         """Return a variable of one value per row of a method, over all rows."""
-        (dtype,) = (known.dtype for known in layout.method.results if known.name == variable)
+        (own,) = (known for known in layout.results if known.variable.name == variable)
         parts = []
         for block in layout.blocks():
             (data,) = self.blocks[block.key].pieces(variable)
-            parts.append(decode(data, layout.chunk, dtype)[tuple(slice(0, size) for size in block.shape)].ravel())
+            parts.append(own.decoded(data, block).ravel())
         return np.concatenate(parts)
-
-
-class Store:
-    """Keeps the finished blocks of a plan: all of them in :class:`Finished`, those not yet on the disk besides.
-
-    kept: whether they outlive a sweep that does not end; else nothing is worth finishing after an interrupt.
-    """
-
-    def __init__(self, plan: Plan, folder: PartFolder, kept: bool = True) -> None:
-        self.folder, self.kept = folder, kept
-        self.finished = Finished(plan)
-        self._hold = Hold(folder.path)
-        self._start = monotonic()
-        self._waiting: dict[str, FinishedBlock] = {}
-        self._size = 0
 
     def find(self) -> int:
         """Take what an earlier run of the plan finished, and remove what it left half-written.
@@ -90,8 +82,8 @@ class Store:
                 path.unlink(missing_ok=True)
             self._hold.share()
         there = self.folder.count()
-        plan = self.finished.plan
-        return max(0, there - len(self.collect([block for layout in plan.layouts for block in layout.blocks()])))
+        every = [block for layout in self.plan.layouts for block in layout.blocks()]
+        return max(0, there - len(self.collect(every)))
 
     def take(self) -> None:
         """Make the folder, and keep others from removing it. Raises OSError."""
@@ -104,7 +96,7 @@ class Store:
 
     def add(self, part: FinishedBlock) -> None:
         """Take a finished block. Raises OSError if it had to be written and could not be."""
-        self.finished.blocks[part.key] = part
+        self.blocks[part.key] = part
         if part.path is None:
             self._waiting[part.key] = part
             self._size += part.size()
@@ -116,7 +108,7 @@ class Store:
         if self._waiting:
             self._hold.take()
         for key in list(self._waiting):
-            self.finished.blocks[key] = self.folder.write(self._waiting[key])
+            self.blocks[key] = self.folder.write(self._waiting[key])
             del self._waiting[key]
         self._size = 0
 
@@ -138,10 +130,10 @@ class Store:
 
     def collect(self, blocks: Iterable[GridBlock]) -> list[FinishedBlock]:
         """Take what other processes wrote to the folder of these blocks, seen or not."""
-        wanted, plan = {block.key: block for block in blocks}, self.finished.plan
+        wanted = {block.key: block for block in blocks}
         found = self.folder.find(set(wanted))
-        valid = {key: part for key, part in found.items() if fits(plan, wanted[key], part)}
-        self.finished.blocks.update(valid)
+        valid = {key: part for key, part in found.items() if fits(self.plan, wanted[key], part)}
+        self.blocks.update(valid)
         return list(valid.values())
 
     def close(self) -> None:

@@ -7,17 +7,19 @@ no later step fails, everything is looked at but the values of floating-point nu
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import isfinite, prod
+from math import isfinite
 
 import numpy as np
 
 from gearstab.methods import Key
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED, kind_of, label_of
-from gearstab.results.chunks import decode, holds
+from gearstab.results.chunks import holds
 from gearstab.results.variables import GRID, Variable
-from gearstab.sweep.compute import flag_counts, inner_shape
-from gearstab.sweep.plan import GridBlock, Layout, Plan
+from gearstab.results.variables.flags import Flags
+from gearstab.sweep.compute import flag_counts
+from gearstab.sweep.layout import GridBlock, Layout, VariableLayout
+from gearstab.sweep.plan import Plan
 from gearstab.sweep.storage.parts import FinishedBlock
 from gearstab.system import Array
 
@@ -37,12 +39,12 @@ def fits(plan: Plan, block: GridBlock, part: FinishedBlock) -> bool:
 
 def _fits(plan: Plan, block: GridBlock, part: FinishedBlock) -> bool:
     layout = plan.layout(block.method)
-    table = {variable.name: variable for variable in layout.method.results}
-    if part.points != block.points or set(part.variables) != set(table):
+    table = layout.results
+    if part.points != block.points or set(part.variables) != {own.variable.name for own in table}:
         return False
     if not _regions(plan, layout, part.tongues):
         return False
-    return all(_sound(layout, block, variable, part) for variable in table.values()) and _counted(layout, block, part)
+    return all(_sound(own, block, part) for own in table) and _counted(layout, block, part)
 
 
 def _regions(plan: Plan, layout: Layout, tongues: tuple[Key, ...]) -> bool:
@@ -72,32 +74,20 @@ def _named(tongue: Tongue) -> bool:
     return label and not (tongue.difference and p == q) and tongue.kind == kind_of(p, q, harmonic, tongue.difference)
 
 
-def _sound(layout: Layout, block: GridBlock, variable: Variable, part: FinishedBlock) -> bool:
+def _sound(own: VariableLayout, block: GridBlock, part: FinishedBlock) -> bool:
     """Whether a variable has the pieces, of the size, and with the values that it can have."""
-    shape, octets = _shape(layout, variable), np.dtype(variable.dtype).itemsize
+    variable = own.variable
     pieces = part.pieces(variable.name)
     many = len(part.tongues) if "tongue" in variable.dims else max(1, len(pieces)) if variable.of_parts else 1
     if len(pieces) != many:
         return False
-    if not all(holds(data, octets * prod(shape)) for data in pieces):
+    if not all(holds(data, own.piece_bytes) for data in pieces):
         return False
     if variable.of_parts and "side" in variable.dims:
-        return _ascend(_inside(layout, block, variable, data) for data in pieces)
+        return _ascend(own.decoded(data, block) for data in pieces)
     if variable.dtype[0] in "fc":
         return True
-    return all(_allowed(variable, _inside(layout, block, variable, data), len(part.tongues)) for data in pieces)
-
-
-def _shape(layout: Layout, variable: Variable) -> tuple[int, ...]:
-    """The shape of a chunk, without the dimension that is listed."""
-    sides = (2,) if "side" in variable.dims else ()
-    return (*sides, *layout.chunk, *(inner_shape(layout, variable) if variable.listed else layout.inner(variable)))
-
-
-def _inside(layout: Layout, block: GridBlock, variable: Variable, data: bytes) -> Array:
-    """The values of a chunk without what it is filled up with."""
-    sides = (slice(None),) if "side" in variable.dims else ()
-    return decode(data, _shape(layout, variable), variable.dtype)[*sides, *(slice(0, size) for size in block.shape)]
+    return all(_allowed(variable, own.decoded(data, block), len(part.tongues)) for data in pieces)
 
 
 def _ascend(stretches: Iterator[Array]) -> bool:
@@ -119,8 +109,8 @@ def _allowed(variable: Variable, values: Array, tongues: int) -> bool:
     said = variable.attributes
     if variable.index_of == "tongue":
         return bool(((values >= -1) & (values < tongues)).all())
-    if "flag_masks" in said:
-        return not int(np.bitwise_or.reduce(values, axis=None)) & ~int(np.bitwise_or.reduce(said["flag_masks"]))
+    if flags := Flags.of(said):
+        return not int(np.bitwise_or.reduce(values, axis=None)) & ~flags.every
     if "flag_values" in said:
         return bool(np.isin(values, said["flag_values"]).all())
     return bool(((values >= 0) | (values == variable.fill)).all())
@@ -129,7 +119,7 @@ def _allowed(variable: Variable, values: Array, tongues: int) -> bool:
 def _counted(layout: Layout, block: GridBlock, part: FinishedBlock) -> bool:
     """Whether a part counts the unstable points, those that failed and the flags that it holds."""
     over_points = {
-        variable.name: _inside(layout, block, variable, part.pieces(variable.name)[0])
+        variable.name: layout.of(variable).decoded(part.pieces(variable.name)[0], block)
         for variable in layout.method.results
         if variable.dims == (GRID,) or (variable.name == "status" and GRID in variable.dims)
         if variable.name in ("stable", "status")

@@ -41,7 +41,7 @@ class Support(Section):
     """Springs that hold the centre of a rotor, the same in both directions, its rotation, or its place on the axis."""
 
     stiffness: Stiffness | None = Field(default=None, title="lateral stiffness")
-    """Of shaft and bearings together (N/m); without, the centre does not move."""
+    """Lateral stiffness of shaft and bearings together (N/m); without, the centre does not move."""
     torsional_stiffness: TorsionalStiffness | None = Field(default=None, title="torsional stiffness of the support")
     """Between rotor and housing (N m/rad); a held member of a planetary set has no rotation without."""
     axial_stiffness: Stiffness | None = Field(default=None, title="axial stiffness of the support")
@@ -87,12 +87,12 @@ class Rotor(Teeth, Named):
     inertia: Inertia | None = Field(default=None, title="moment of inertia")
     """J (kg m^2); that of a disc of the face width and body_radius without."""
     mass: Mass | None = None
-    """Of a supported rotor (kg); that of the same disc without."""
+    """Mass of a supported rotor (kg); that of the same disc without."""
     body_radius: Length | None = Field(default=None, title="radius of the body")
-    """Of the disc (m); the pitch radius without."""
+    """Radius of the disc (m); the pitch radius without."""
     bore_radius: NonNegativeLength | None = Field(default=None, title="radius of the bore")
-    """Of the body (m); without, the disc is solid and the teeth stand on a body of bore 0.4 root radii. Of an internal
-    gear, where its rim is held outside; the rim is rigid without."""
+    """Radius of the bore (m); without, the disc is solid and the teeth stand on a body of bore 0.4 root radii. Of an
+    internal gear, where its rim is held outside; the rim is rigid without."""
     support: Support | None = Field(default=None, title="lateral support")
     """With it the rotor moves in its plane too."""
 

@@ -1,4 +1,4 @@
-"""What the torques of a train put on its rotors and on the teeth of its meshes, at rest: virtual work alone tells."""
+"""Effect of the torques of a train on its rotors and on the teeth of its meshes, at rest, by virtual work alone."""
 
 from __future__ import annotations
 

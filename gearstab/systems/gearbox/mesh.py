@@ -62,13 +62,13 @@ class MeshRelief(Section):
     """Profile relief, which makes the stiffness of a mesh depend on its load."""
 
     tip: ProfileRelief | None = Field(default=None, title="tip relief")
-    """Of both gears."""
+    """Tip relief of both gears."""
     root: ProfileRelief | None = Field(default=None, title="root relief")
-    """Of both gears."""
+    """Root relief of both gears."""
 
 
 class TrainMeshKeys(StiffnessOfTeeth):
-    """What a mesh of two gears and those of a planetary set take alike."""
+    """Keys that a mesh of two gears and those of a planetary set share."""
 
     damping_ratio: NonNegative | None = Field(default=None, title="damping ratio of the mesh")
     """zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping."""
@@ -112,7 +112,7 @@ class Friction(Section):
     viscosity: Annotated[float, Field(gt=0), Quantity("Pa s")] | None = None
     """Dynamic, of the oil at the inlet (Pa s, "10 mPa s")."""
     roughness: NonNegativeLength | None = None
-    """Of the flanks, root mean square (m, "0.4 um")."""
+    """Roughness of the flanks, root mean square (m, "0.4 um")."""
 
     def conflicts(self) -> Iterator[Conflict]:
         """The keys of its law and no others."""
@@ -142,8 +142,8 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
     reduction: Annotated[str, Choice("reduction", ("levels", "peak-to-peak", "first harmonic"))] = Field(
         default="levels", title="reduction of the teeth's stiffness"
     )
-    """What a rectangular wave keeps of it: levels, the mean with fewer and with more pairs in contact; its peak-to-
-    peak; or its first harmonic."""
+    """Feature of the stiffness that a rectangular wave keeps: levels, the mean with fewer and with more pairs in
+    contact; its peak-to-peak; or its first harmonic."""
     friction: Friction | None = None
     """Between the teeth; none without."""
     faults: list[Fault] = Field(default=[])

@@ -12,7 +12,7 @@ from gearstab.system import Array
 from gearstab.systems.kinematics import TrainError
 
 HANDS = ("right", "left")
-"""Of helices."""
+"""Hands of helices."""
 STEEL = {"young": 206.8e9, "poisson": 0.3, "density": 7850.0, "shear": 80e9}
 
 

@@ -48,11 +48,11 @@ class Input(Section):
     torque: Torque | None = Field(default=None, title="input torque")
     """On the input rotor (N m); follows from the outputs' without."""
     speed: AngularFrequency | None = Field(default=None, title="nominal speed")
-    """Of the input rotor, for friction (rad/s, "1500 rpm"); sweeps set it by the axis input_speed."""
+    """Speed of the input rotor, for friction (rad/s, "1500 rpm"); sweeps set it by the axis input_speed."""
     sense: Annotated[str, Choice("sense", ("counter-clockwise", "clockwise"))] = Field(
         default="counter-clockwise", title="sense of rotation"
     )
-    """Of the input rotor, seen along z."""
+    """Sense of rotation of the input rotor, seen along z."""
 
 
 class Output(Section):
@@ -97,9 +97,9 @@ class Gearbox(System):
     kind: Literal["gearbox"] = Field(title="kind of system")
     """A multistage gearbox, from its teeth."""
     gears: Teeth = Teeth()
-    """What all gears share: basic profile and face width."""
+    """Basic profile and face width that all gears share."""
     material: Material = Material()
-    """Of gears and shafts."""
+    """Material of gears and shafts."""
     rotors: Annotated[list[Rotor], Field(min_length=2)]
     """Gears and inertias."""
     shafts: list[Shaft] = Field(default=[])

@@ -62,7 +62,7 @@ class Planets(Teeth):
     inertia: Inertia | None = Field(default=None, title="moment of inertia of a planet")
     """(kg m^2); that of its disc without."""
     bore_radius: NonNegativeLength | None = Field(default=None, title="radius of the bore")
-    """Of a planet's disc (m)."""
+    """Radius of the bore of a planet's disc (m)."""
     support: Support | None = Field(default=None, title="planet bearing")
     """Between each planet and the carrier; without, the planets' centres are fixed on it."""
 
@@ -100,9 +100,9 @@ class SetFault(Fault):
     gear: Annotated[str, Choice("gear of a set", FAULTY)]
     """sun, planet or ring."""
     planet: Annotated[int, Field(ge=1), Whole] | None = Field(default=None, title="number of the planet")
-    """Of a weak tooth of a planet, from 1; 1 without."""
+    """Number of the planet with the weak tooth, from 1; 1 without."""
     flank: Annotated[str, Choice("mesh", ("sun", "ring"))] | None = Field(default=None, title="flank with the pit")
-    """That in the sun's mesh or the ring's; sun without."""
+    """Mesh whose flank has the pit: the sun's or the ring's; sun without."""
 
     def of_planets(self, count: Fraction) -> Iterator[Conflict]:
         """A planet and a flank only of teeth of planets, of which there are ``count``."""
@@ -131,7 +131,7 @@ class PlanetarySet(Named):
     centre_distance: Length | None = None
     """a (m); that of the profile shifts of sun and planet, else m (z_s + z_r)/4 without."""
     meshes: SetMeshes = SetMeshes()
-    """Of the sun and of the ring."""
+    """Meshes of the sun and of the ring."""
     carrier_speed: Annotated[str, Choice("carrier speed", ("from_teeth",))] | None = None
     """from_teeth: with the gyroscopic and centripetal terms of the turning carrier; none without."""
     phases: SetPhases | None = Field(default=None, title="mesh phases")

@@ -20,9 +20,10 @@ from gearstab.gears.friction import (
     mesh_friction,
 )
 from gearstab.gears.geometry import Gear
+from gearstab.gears.loaded import loaded_mesh
 from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
-from gearstab.gears.relief import FlankRelief, LoadedMesh, Relief, loaded_mesh
+from gearstab.gears.relief import FlankRelief, LoadedMesh, Relief
 from gearstab.system import Array
 from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, POWERS, VARIATION, WAVE, from_teeth, per_width
 from gearstab.systems.gearbox.rotors import number
@@ -146,7 +147,7 @@ class MeshTeeth:
     def loaded(self) -> list[LoadedMesh]:
         """Under the force of the mesh. Raises NotPossible where it cannot be computed or is not known."""
         forces = np.broadcast_to(self.force, self.batch).ravel() if not self.relieved else None
-        found = []
+        found: list[LoadedMesh] = []
         for k, numbers in enumerate(self._inputs[1]):
             force = numbers["mesh", "force"] if forces is None else float(forces[k])
             found.append(loaded_mesh(self.pairs[k], self.models[k], self._relief(numbers), force))

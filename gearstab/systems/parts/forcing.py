@@ -81,13 +81,13 @@ class Force(Section):
     """A periodic external force, given by its Fourier series."""
 
     name: NameText | None = Field(default=None, title="name of the force")
-    """What messages call it."""
+    """Name of the force in messages."""
     direction: Vector = Field(title="direction of the force")
     """u, the force acts as u times its value: one number per coordinate, or {coordinate: value} (1)."""
     sin: list[ForceAmplitude] = Field(default=[], max_length=MOST_HARMONICS, title="sine amplitudes of the force")
-    """Of sin s x, s = 1, 2, ..., x = r Omega t - 2 pi lag (N, or N m of a rotation)."""
+    """Amplitudes of sin s x, s = 1, 2, ..., x = r Omega t - 2 pi lag (N, or N m of a rotation)."""
     cos: list[ForceAmplitude] = Field(default=[], max_length=MOST_HARMONICS, title="cosine amplitudes of the force")
-    """Of cos s x, s = 1, 2, ... (N, or N m of a rotation)."""
+    """Amplitudes of cos s x, s = 1, 2, ... (N, or N m of a rotation)."""
     frequency_ratio: ExactRatio = Field(default=Fraction(1), title="frequency ratio of the force")
     """r, its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2"."""
     lag: Turns = Field(default=0.0, title="lag of the force")

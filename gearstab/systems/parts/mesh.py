@@ -55,7 +55,7 @@ class Named(Section):
     """Something in a list that is called by a name."""
 
     name: NameText
-    """What paths, labels and messages call the mesh; unique."""
+    """Name of the mesh in paths, labels and messages; unique."""
 
 
 class ToothMesh(Section):
@@ -115,15 +115,15 @@ class ToothMesh(Section):
 
 
 class StiffnessOfTeeth(Section):
-    """What is measured of a stiffness that follows from the teeth, and how their pairs add up."""
+    """Measured features of a stiffness that follows from the teeth, and how their pairs add up."""
 
     double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = None
-    """Of teeth: stiffness of two pairs over the sum of theirs (1), as teeth on one body deflect each other; 1
+    """Stiffness of two pairs of teeth over the sum of theirs (1), as teeth on one body deflect each other; 1
     without."""
     single_pair_stiffness: Stiffness | None = Field(default=None, title="measured stiffness of a pair")
-    """Of teeth: in contact at the pitch point (N/m); of an internal gear, all along the path."""
+    """Stiffness of a pair of teeth in contact at the pitch point (N/m); of an internal gear, all along the path."""
     variation: NonNegative | None = Field(default=None, title="measured variation")
-    """Of teeth: (max k - min k)/mean k of the mesh stiffness (1)."""
+    """Variation (max k - min k)/mean k of the mesh stiffness of teeth (1)."""
 
 
 def given_by_teeth(mesh: ToothMesh) -> Iterator[Conflict]:

@@ -55,9 +55,9 @@ class Respond(Section):
     """The response of a linear system, for ``gearstab respond``: from an initial state, periodic, or of a run-up."""
 
     mesh_frequency: AngularFrequency = cast(float, None)
-    """Of the first mesh (rad/s); or give input_speed."""
+    """Frequency of the first mesh (rad/s); or give input_speed."""
     input_speed: AngularFrequency | None = None
-    """Of the input of a system whose teeth are known (rad/s, "1500 rpm"); or give mesh_frequency."""
+    """Speed of the input of a system whose teeth are known (rad/s, "1500 rpm"); or give mesh_frequency."""
     initial: Initial | None = Field(default=None, title="initial state")
     """Displacement and velocity; a driven system begins in static equilibrium without."""
     steady_state: Flag = False
@@ -69,7 +69,7 @@ class Respond(Section):
     cycles: Annotated[float, Field(gt=0), Quantity()] | None = None
     """How long, in periods of the first mesh (1); or give duration."""
     stored_cycles: Annotated[float, Field(gt=0), Quantity()] | None = None
-    """Of a steady state: how much of the histories is stored, in periods of the first mesh (1); the whole common period
+    """Stored part of the histories of a steady state, in periods of the first mesh (1); the whole common period
     without."""
     samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole] = 200
     """Stored samples in a period of the first mesh."""

@@ -57,7 +57,7 @@ class PairRespond(Section):
     }
 
     speed: AngularFrequency = Field(title="initial speed")
-    """Of the driving gear (rad/s, or "600 rpm"); theta' = N1 times that."""
+    """Initial speed of the driving gear (rad/s, or "600 rpm"); theta' = N1 times that."""
     cycles: Annotated[float, Field(gt=0), Quantity()] | None = None
     """How long, in mesh cycles, 2 pi of theta each; or give duration."""
     duration: Time | None = None

@@ -84,7 +84,7 @@ class Term(Section):
     """a(x) u v^T in the stiffness matrix and c(x) u v^T in the damping matrix."""
 
     name: NameText | None = Field(default=None, title="name of the term")
-    """What paths and messages call it."""
+    """Name of the term in paths and messages."""
     left: Vector = Field(title="left vector")
     """u, along which the term acts (1)."""
     right: Vector = Field(title="right vector")

@@ -12,7 +12,7 @@ from gearstab.waveforms.tooth import ROUNDING, Piecewise, averaged, stacked
 from gearstab.waveforms.tooth_pair import ToothPair
 
 DEGREES = (8, 16, 32, 64)
-"""Of the polynomials that a smooth stiffness is taken by, until the last coefficients do not count."""
+"""Degrees of the polynomials that stand for a smooth stiffness, until the last coefficients do not count."""
 RESOLVED = 1e-12
 
 OnePair = Callable[[Array, Array], Array]

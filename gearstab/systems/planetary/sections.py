@@ -94,7 +94,7 @@ class Planetary(System):
     supports: Supports = Supports()
     """Stiffness of the supports and planet bearings."""
     pressure_angles: PressureAngles = PressureAngles()
-    """Of both kinds of meshes."""
+    """Pressure angles of both kinds of meshes."""
     meshes: Meshes
     """The meshes of the sun and of the ring."""
     load: BodyLoad | None = None
@@ -110,12 +110,12 @@ class Planetary(System):
     """The body that does not turn: it tells how fast the teeth mesh at an input_speed."""
 
     sense: Annotated[str, Choice("sense", SENSES)] = Field(default="counter-clockwise", title="sense of rotation")
-    """Of the input, seen along z, where teeth are given; planets are numbered counter-clockwise."""
+    """Sense of rotation of the input, seen along z, where teeth are given; planets are numbered counter-clockwise."""
 
     carrier_speed: CarrierSpeed | None = Field(
         default=None, title="speed of the carrier", json_schema_extra=also({"type": ["number", "string"]})
     )
-    """Of the frame of the coordinates; bodies are at rest without. Damping turns with it."""
+    """Speed of the frame of the coordinates; bodies are at rest without. Damping turns with it."""
     pin_preload: Flag = Field(default=True, title="preload of the pins")
     """Whether planet bearings carry the planets' centrifugal forces, without which no rotation is free."""
 

@@ -1,4 +1,4 @@
-"""What is valid and hardly meant: one line on standard error, the same exit code, and nothing for sensible models."""
+"""Valid values that are hardly meant: one line on standard error, the same exit code, nothing for sensible models."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ system:
 
 
 def test_matrices_are_judged_by_their_diagonal(tmp_path):
-    """What rounding leaves beside it is no mass, and a rotation has an inertia, in kg m^2."""
+    """Rounding beside the diagonal is no mass, and a rotation has an inertia, in kg m^2."""
     assert doubts(tmp_path, MATRICES) == []
     ((place, message),) = doubts(tmp_path, MATRICES, "coordinate_units=m")
     assert place == "system.mass.1.1"

@@ -1,4 +1,4 @@
-"""What is wrong is told once, and nothing that depends on it; design variables need no base value."""
+"""A wrong value is told once, and nothing that depends on it; design variables need no base value."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def null_space(system):
 
 
 def multipliers(system, omega, steps=1):
-    """Of all 2n states over a common period, by descending size, and the period; ``steps`` a cycle of the fastest."""
+    """All 2n multipliers of a common period, by descending size, and the period; ``steps`` a cycle of the fastest."""
     cycles, counts = system.common_period()
     period, n = 2 * np.pi * float(cycles) / omega, system.size
     inverse = np.linalg.inv(system.mass)

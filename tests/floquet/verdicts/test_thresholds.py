@@ -11,6 +11,7 @@ from systems import COSINE, G1, G2, Smooth, train
 
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.kernel import decision
+from gearstab.floquet.stability import decided
 from gearstab.mesh import PeriodicTerm
 
 NOTHING = PeriodicTerm("nothing", G1, G1, stiffness=Smooth(0.0, 0.0))
@@ -45,6 +46,21 @@ def test_simple_multipliers_wrong_by_little_are_stable(form, growth, distance):
     assert excess[0] == 0
 
 
+def test_opposite_multipliers_as_near_as_their_error_are_unstable():
+    """The error that moves them off the circle hides whether they have met; each alone has a definite form."""
+    growth = 1e-8
+    stable, excess, krein = decision.conservative(pair(growth, 1e-3, growth)[None])
+    assert krein[0]
+    assert not stable[0]
+    assert excess[0] == pytest.approx(growth, rel=0.5)
+
+
+def test_growth_within_the_threshold_is_none():
+    growth, stable = decided(np.array([-3.0, -0.5, 0.0, 0.9, 1.0, 1.1, 3.0]), np.array(2.0), 1.0)
+    np.testing.assert_array_equal(stable, [1, 1, 1, 1, 1, 0, 0])
+    np.testing.assert_array_equal(growth, [-1.5, -0.25, 0.0, 0.0, 0.0, 0.55, 1.5])
+
+
 @pytest.mark.parametrize("growth", [3e-9, 1e-7, 1e-5])
 def test_a_pair_that_has_met_is_unstable(growth):
     # eta mu < 0: the pair parts at a right angle to the circle.
@@ -64,7 +80,7 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS)
 def test_damped_growth_above_rounding_is_instability(way):
-    """What grows by 4e-10 a period is unstable, and what decays by it is stable: rounding leaves less than 1e-10.
+    """Growth by 4e-10 a period is unstable, and decay by it is stable: rounding leaves less than 1e-10.
 
     q = exp(-a t) y turns M y'' + D y' + K y = 0 into M q'' + (D + 2 a M) q' + (K + a D + a^2 M) q = 0.
     """
@@ -82,7 +98,7 @@ def test_damped_growth_above_rounding_is_instability(way):
 
 
 def test_large_and_small_damped_matrices_are_said_to_be_scaled():
-    """Of multipliers beyond 2^200, or all below its inverse, with damping: the others are not marked."""
+    """Multipliers beyond 2^200, or all below its inverse, with damping, are marked; the others are not."""
     bit = STATUS_FLAGS["rescaled"]
     drag = np.diag([0.02, 0.01, 0.05])
     for system, omega, scaled in (

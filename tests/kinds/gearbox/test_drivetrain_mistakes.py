@@ -1,4 +1,4 @@
-"""What users of drivetrains type wrongly, each told in one line with file, line, path and what to do."""
+"""Mistakes that users of drivetrains make, each told in one line with file, line, path and what to do."""
 
 from __future__ import annotations
 

@@ -128,7 +128,7 @@ def test_stored_cycles_belong_to_steady_states(tmp_path: Path) -> None:
 
 
 def test_a_long_history_is_shared_out_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of no effect on the loads; the integrals over the teeth of all samples at once would take 200 MB."""
+    """Loads are the same; the integrals over the teeth of all samples at once would take 200 MB."""
     phase = np.linspace(0.0, 97.3, 30_000)
     force, teeth = 500.0 + 50.0 * np.sin(phase), LoadedTeeth(PAIR, PLAIN, ("a", "b"))
     tracemalloc.start()

@@ -244,7 +244,7 @@ SWEPT = {
 
 @pytest.mark.parametrize("key", [*SWEPT, "profile_shift", "density", "lubricant"])
 def test_a_batch_is_the_same_as_its_members(key: str) -> None:
-    """Of the first stage of the tractor gearbox, with everything from the teeth."""
+    """First stage of the tractor gearbox, with everything from the teeth."""
     base = tractor()
     base |= {"rotors": base["rotors"][:3], "meshes": base["meshes"][:1], "shafts": base["shafts"][:1]}
     base["outputs"] = [{"rotor": "gear2", "torque": 60.0}]

@@ -195,7 +195,7 @@ def test_growth_is_that_of_many_spur_meshes_side_by_side(tmp_path) -> None:
 
 
 def test_undercut_and_tips_that_collide_are_told_of_helical_teeth(tmp_path) -> None:
-    """Of 13 teeth at 20 degrees 13/cos^3(beta) = 15.7 count: less than 17.1."""
+    """13 teeth at 20 degrees count as 13/cos^3(beta) = 15.7: less than 17.1."""
     system = pair()
     system["rotors"][0]["teeth"] = 13
     (undercut,) = (n for n in told(system, tmp_path)[0]["notices"] if n["name"] == "undercut")

@@ -16,8 +16,10 @@ from gearstab.design import check
 from gearstab.design.judging.judge import Judge
 from gearstab.design.problem import DesignProblem
 from gearstab.design.searching import search
+from gearstab.gears.loaded import loaded_mesh
+from gearstab.gears.loaded_helical import LoadedHelical
 from gearstab.gears.mesh_stiffness import single_stiffness
-from gearstab.gears.relief import FlankRelief, Relief, loaded_mesh
+from gearstab.gears.relief import FlankRelief, Relief
 from gearstab.response import steady_state
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.speeds import speed_response
@@ -189,6 +191,54 @@ def test_planets_share_the_torque_of_their_set(tmp_path: Path) -> None:
         if mesh.teeth.relieved:
             assert mesh.teeth.loaded[0].force == pytest.approx(float(force), rel=1e-9)
     assert sum(force.name.startswith("relief of first.sun.") for force in system.forces) == 4
+
+
+def helical(wave: str = "tooth") -> str:
+    return text(wave).replace("gears: {module", "gears: {helix_angle: 12 deg, module", 1)
+
+
+@pytest.mark.parametrize("wave", ["tooth", "rectangular", "tooth, harmonics: 3"])
+def test_turned_slowly_helical_teeth_follow_the_static_transmission_error(tmp_path: Path, wave: str) -> None:
+    """Whatever the wave, as for spur teeth: only inertia, of (Omega/w)^2 with w = 7000 rad/s, keeps them from it."""
+    stiff = helical(wave).replace("2.0e4, damping_ratio: 0.05", "2.0e6, damping_ratio: 0.7")
+    p = read(tmp_path, stiff.replace("4.0e4, damping_ratio: 0.05", "4.0e6, damping_ratio: 0.7")).system
+    train, system = Train(p), build(p)
+    loaded = train.meshes[0].teeth.loaded[0]
+    assert isinstance(loaded, LoadedHelical)
+    radius = 0.048 / np.cos(np.radians(12)) * np.cos(np.arctan(np.tan(np.radians(20)) / np.cos(np.radians(12))))
+    assert loaded.force == pytest.approx(200 / radius, rel=1e-12)
+    assert loaded.force == pytest.approx(float(static_mesh_force(system)[0]), rel=1e-10)
+    found = steady_state(system, 30.0, 4000)
+    np.testing.assert_allclose(found.mesh_force[:, 0], loaded.force, rtol=2e-3)
+    phase = found.time * 30.0 / (2 * np.pi)
+    np.testing.assert_allclose(found.mesh_deflection[:, 0], loaded.error.value(phase), rtol=2e-3)
+
+
+def test_the_reduced_wave_keeps_mean_and_is_near_the_computed_one(tmp_path: Path) -> None:
+    """The trapezoid of mean contact and levels, against the tangent stiffness: the curvature within levels is left."""
+    train = Train(read(tmp_path, helical("rectangular")).system)
+    loaded = train.meshes[0].teeth.loaded[0]
+    (mesh,) = build(train.p).meshes
+    x = np.linspace(0.0, 1.0, 400, endpoint=False)
+    k = mesh.mean_stiffness * (1 + 2 * mesh.epsilon * mesh.waveform.value(x - np.asarray(mesh.lag)))
+    assert float(mesh.mean_stiffness) == pytest.approx(loaded.mean, rel=1e-12)
+    computed = loaded.curve.value(x)
+    assert np.abs(k - computed).max() < 0.3 * np.ptp(computed)
+    assert np.corrcoef(k, computed)[0, 1] > 0.95
+
+
+def test_helical_planets_share_the_torque(tmp_path: Path) -> None:
+    changed = TWO.replace("meshes: {sun: {}", "meshes: {sun: {relief: {tip: {amount: 8 um, length: 1 mm}}}", 1)
+    changed = changed.replace("gears: {", "gears: {helix_angle: 8 deg, ", 1)
+    assert "helix_angle" in changed
+    p = read(tmp_path, changed).system
+    train, system = Train(p), build(p)
+    static = static_mesh_force(system)
+    relieved = [k for k, mesh in enumerate(train.meshes) if mesh.teeth.relieved]
+    assert relieved
+    for k in relieved:
+        assert isinstance(train.meshes[k].teeth.loaded[0], LoadedHelical)
+        assert train.meshes[k].teeth.loaded[0].force == pytest.approx(float(static[k]), rel=1e-9)
 
 
 @pytest.mark.parametrize(

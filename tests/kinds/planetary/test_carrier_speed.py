@@ -20,7 +20,9 @@ from gearstab.config import ConfigError, load
 from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.floquet.general.mean import mean_motions
+from gearstab.propagation.elastic import elastic_forms, mean_levels
 from gearstab.response import steady_state
+from gearstab.rotation import factors
 from gearstab.system import GearSystem
 from gearstab.systems import build
 
@@ -72,6 +74,34 @@ def test_natural_frequencies_of_a_turning_carrier(gear: dict[str, Any], key: str
         if preload or row["carrier_speed_rad_s"] > 0:
             # Rounding of a real exponent: of the largest one.
             assert found.growth_rate.max() == pytest.approx(growth, abs=1e-10 * expected.max())
+
+
+@pytest.mark.parametrize("gear", GEARS, ids=[gear["name"] for gear in GEARS])
+def test_critical_speeds_of_the_printed_model(gear: dict[str, Any]) -> None:
+    """det(K + W^2 K_c) = 0: at these speeds, and at none beside them, a motion rests in carrier coordinates."""
+    system = built(section(gear["parameters"], "1/82", pin_preload=False))
+    ((form,), (level,)) = elastic_forms(system), mean_levels(system)
+
+    def smallest(speed: float) -> float:
+        values = np.linalg.svd(form.at_speed(82 * speed).generators(level), compute_uv=False)
+        return float(values[-1] / values[0])
+
+    for critical in gear["critical_speeds_as_printed_rad_s"]:
+        if critical > 0:
+            assert smallest(critical) < 1e-9 * smallest(critical * 1.001)
+
+
+@pytest.mark.parametrize("row", DATA["frames"]["pin_preload_from_nonlinear_model"])
+def test_the_preload_of_pins_is_that_of_the_nonlinear_model(row: dict[str, Any]) -> None:
+    """The second derivative of the potential of a carrier with its planets, in fifty digits."""
+    own = GEARS[0]["parameters"] | {key: row[key] for key in ("planets", "m_p", "k_p")}
+    (rotation,) = built(section(own, {"speed": row["W"]})).rotations
+    (term,) = [term for term in rotation.terms() if np.any(term.softening)]
+    speed, power, softening = (np.asarray(v) for v in (term.speed, term.power, term.softening))
+    found = float(factors(speed, power, softening)) * np.asarray(term.matrix)
+    carrier = built(section(own, 0)).coordinates.index("carrier_rotation")
+    assert found[carrier, carrier] == pytest.approx(row["Hessian_theta_theta_over_rc2_minus_N_kp"], rel=1e-12)
+    assert np.count_nonzero(found) == 1
 
 
 @pytest.mark.parametrize("case", FRAMES, ids=[case["name"] for case in FRAMES])

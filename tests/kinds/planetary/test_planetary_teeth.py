@@ -78,7 +78,7 @@ def test_contact_ratios_are_those_of_involutes(gear: Config) -> None:
 
 
 LAG = 0.1855771347643117
-"""Of 30/24/78 teeth from entry to entry, computed by another program."""
+"""Lag of 30/24/78 teeth from entry to entry, computed by another program."""
 
 
 def lag_of(config: Config) -> float:
@@ -127,7 +127,7 @@ def test_what_is_given_stands(tmp_path: Path) -> None:
 
 
 def test_the_resolved_configuration_is_as_the_user_wrote_it(gear: Config, tmp_path: Path) -> None:
-    """What follows from the teeth is not written into it, so that it stays right where they are changed."""
+    """Values that follow from the teeth are not written into it, so that it stays right where they are changed."""
     assert gear.tree["system"]["masses"] == {"carrier": 1.5}
     assert read(tmp_path, gear.resolved).resolved == gear.resolved
 

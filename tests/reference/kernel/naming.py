@@ -33,7 +33,7 @@ class Unnamed:
 
     @property
     def classes(self) -> list[int]:
-        """Those of the roots that it must have; where its counts cannot tell, that of the leading solution."""
+        """Classes of the roots that it must have; where its counts cannot tell, that of the leading solution."""
         own = [c for c, count in enumerate(self.meetings) for _ in range(count)]
         return own or ([] if self.leading is None else [class_of(self.leading)])
 

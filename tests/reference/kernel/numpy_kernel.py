@@ -1,4 +1,4 @@
-"""What the compiled kernel computes of patterns, in NumPy: short, clear and slow.
+"""Functions of patterns in the compiled kernel, in NumPy: short, clear and slow.
 
 The mathematics stands in gearstab/floquet/kernel/c_kernel.py and invariants.py.
 """

@@ -17,7 +17,7 @@ EXTENDED = np.finfo(Long).nmant >= 63
 SEQUENCE = (2, 4, 6, 8, 10, 12, 14, 16)
 TWO_PI = 2 * (Long(np.pi) + Long(1.2246467991473532e-16))
 INSIDE = Long(1e-9)
-"""Of a substep: how far values at kinks and jumps are taken inside the smooth interval."""
+"""Part of a substep: how far values at kinks and jumps are taken inside the smooth interval."""
 
 
 def monodromy(system, omega, steps=60):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 Document = dict[str, Any]
 
 SIZES = st.sampled_from([1.0, 0.3, 4.0]) | st.floats(0.05, 20.0)
-"""Of masses and stiffnesses."""
+"""Masses and stiffnesses."""
 EPSILONS = st.sampled_from([0.0, 0.3]) | st.floats(0.0, 0.45)
 CONTACTS = st.sampled_from([1.0, 1.5, 2.0]) | st.floats(1.0, 2.95)
 PHASES = st.sampled_from([0.0, 0.5]) | st.floats(0.0, 1.0)
@@ -20,13 +20,13 @@ COEFFICIENTS = st.lists(st.sampled_from([0.0, 0.5, -0.5]) | st.floats(-0.5, 0.5)
 
 
 def amounts(largest: float) -> st.SearchStrategy[float]:
-    """Of damping or of a shaft: none, or more than what is refused as smaller than of any gear."""
+    """Amounts of damping or of a shaft: none, or more than what is refused as smaller than of any gear."""
     return st.just(0.0) | st.floats(1e-12, largest)
 
 
 @st.composite
 def waveforms(draw: st.DrawFn) -> Document:
-    """What of a mesh says how its stiffness varies."""
+    """Keys of a mesh that say how its stiffness varies."""
     kind = draw(st.sampled_from(["rectangular", "rectangular", "trapezoidal", "fourier", "sampled", "pair"]))
     if kind == "sampled":
         count = draw(st.integers(3, 6))

@@ -23,7 +23,7 @@ from gearstab.waveforms import Constant, Rectangular, Scaled
 GOLDEN = (np.sqrt(5) - 1) / 2
 ROUNDS = 40
 COLLISIONS = 60
-"""Of multipliers of mean modes in the range of an undamped train, about; long periods have thousands."""
+"""Collisions of multipliers of mean modes in the range of an undamped train, about; long periods have thousands."""
 
 CLEAR = 1e-8
 """Growth a period of which double precision tells the sign, also where two multipliers are nearly equal, which halves

@@ -29,6 +29,6 @@ def pair(case: dict[str, Any]) -> GearSystem:
 
 
 def sorted_multipliers(motion: dict[str, Any]) -> Array:
-    """Of descending magnitude, of a pair the one with the positive imaginary part first."""
+    """Multipliers by descending magnitude, of a pair the one with the positive imaginary part first."""
     found = np.array([complex(*value) for value in motion["multipliers"]])
     return found[np.lexsort((-found.imag, -np.round(np.abs(found), 9)))]

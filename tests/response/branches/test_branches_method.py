@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -14,6 +17,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from backlash_pairs import CASES, pair
+from scenes import ran
 
 from gearstab import plots
 from gearstab.bench.branches import branch_cost
@@ -23,6 +27,7 @@ from gearstab.info import result
 from gearstab.info.jumps import jumps
 from gearstab.results import open_result
 from gearstab.results.display import in_display_units
+from gearstab.results.export import export
 from gearstab.results.read import branches_of
 from gearstab.sweep import plan, run
 from gearstab.sweep.compute import compute
@@ -57,7 +62,7 @@ def configured(folder: Path, text: str) -> Path:
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of two systems, each in a block of its own, in two processes."""
+    """Result of two systems, each in a block of its own, in two processes."""
     folder = tmp_path_factory.mktemp("branches")
     prepared = plan(load(configured(folder, CONFIG)))
     assert [block.shape for block in prepared.layout("branches").blocks()] == [(1,), (1,)]
@@ -95,6 +100,43 @@ def test_the_result_holds_the_branches_of_every_system(tree: xr.DataTree) -> Non
     # The whole branch is one: ends at both ends of the range.
     status = row["status"].values[there]
     assert (status[0] & 1, status[-1] & 1) == (1, 1)
+
+
+def test_branches_are_cut_with_xarray_beside_other_groups(tmp_path: Path) -> None:
+    """The axis of the sweep and the mesh frequencies of motions have one name: neither is in the other's way."""
+    methods = "  branches: {start: [linear], at: [1.3], points: 20}\n  floquet: {}\n"
+    head = SYSTEM + "sweep: {mesh_frequency: {start: 1.2, stop: 1.4, num: 3}}\nmethods:\n"
+    out = tmp_path / "two.h5"
+    run(plan(load(configured(tmp_path, head + methods))), out, jobs=1)
+    with xr.open_datatree(out, engine="h5netcdf") as found:
+        data = found["branches"].to_dataset()
+        first = data.isel(branch=0, point=slice(0, 2))["mesh_frequency"]
+        assert first.dims == ("point",)
+        assert float(first[0]) == 1.2
+        assert found["branches"].isel(branch=0)["stable"].dims == ("point",)
+        floquet = found["floquet"].to_dataset().sel(mesh_frequency=1.3, method="nearest")
+        assert int(floquet["stable"]) == 1
+        np.testing.assert_allclose(found["mesh_frequency"], [1.2, 1.3, 1.4])
+        _, artists = plots.draw(found, "branches")
+        assert artists["lines"]
+        assert plots.draw(found, "curve")[1]
+
+
+def test_a_table_has_a_row_for_every_motion(swept: Path, tree: xr.DataTree, tmp_path: Path) -> None:
+    data = branches_of(tree)
+    table = tmp_path / "table.csv"
+    rows, (note,) = export(swept, table, io.BytesIO())
+    read = np.genfromtxt(table, delimiter=",", names=True, deletechars="")
+    motions = data["stable"].values >= 0
+    assert rows == len(read) == np.count_nonzero(motions)
+    np.testing.assert_array_equal(read["mesh_frequency"], data["mesh_frequency"].values[motions])
+    assert set(read["branch"]) == {0}
+    assert "multipliers_real, multipliers_imag" in note
+    rows, _ = export(swept, table, io.BytesIO(), over="branch,point,multiplier", select={"branch": "0"})
+    read = np.genfromtxt(table, delimiter=",", names=True, deletechars="")
+    assert rows == 2 * np.count_nonzero(motions)
+    own = read["multipliers_real"] + 1j * read["multipliers_imag"]
+    np.testing.assert_array_equal(own, data["multipliers"].values[motions].ravel())
 
 
 def test_a_killed_run_goes_on_where_it_was(tree: xr.DataTree, tmp_path: Path) -> None:
@@ -243,7 +285,7 @@ def test_bench_measures_branches() -> None:
     "text", [CONFIG.replace("start: 0.55", "start: 0.95"), SYSTEM + OVER.replace("start: 2.0", "start: 3.9")]
 )
 def test_finished_blocks_are_taken_up_again(tmp_path: Path, text: str) -> None:
-    """What a sweep that was interrupted has finished counts: its parts hold what they may, where nothing is too."""
+    """Finished blocks of an interrupted sweep count: its parts hold what they may, where nothing is too."""
     prepared = plan(load(configured(tmp_path, text)))
     block = next(prepared.layout("branches").blocks())
     assert fits(prepared, block, compute(prepared, block))
@@ -280,3 +322,27 @@ def test_branches_of_an_older_layout_are_refused() -> None:
     group = xr.Dataset({"branch_frequency": ("point", [1.0]), "kind": ("point", [0])})
     with pytest.raises(ResultError, match="run the sweep again"):
         branches_of(xr.DataTree.from_dict({"/": xr.Dataset(), "branches": group}))
+
+
+def test_motions_on_branches_are_counted_without_what_is_behind_their_ends(swept: Path) -> None:
+    # Their mesh frequencies have the name of an axis of the sweep, over other dimensions.
+    told = json.loads(ran("info", swept, "--json").stdout)["outcome"]
+    with h5py.File(swept) as file:
+        stable = file["branches/stable"][:]
+    assert (stable == -1).any()
+    assert (told["points"], told["unstable"], told["failed"]) == (np.sum(stable >= 0), np.sum(stable == 0), 0)
+
+
+def test_complex_values_of_branches_are_compared(swept: Path, tmp_path: Path) -> None:
+    assert ran("diff", swept, swept).exit_code == 0
+    other = tmp_path / "other.h5"
+    shutil.copy(swept, other)
+    with h5py.File(other, "r+") as file:
+        values = file["branches/multipliers"]
+        size = np.nanmax(np.abs(values[:]))
+        values[...] = values[:] + 0.5j * size
+    told = json.loads(ran("diff", swept, other, "--json").stdout)
+    differing = {name: value for name, value in told["variables"].items() if value != 0}
+    with h5py.File(other) as file:
+        largest = np.nanmax(np.abs(file["branches/multipliers"][:]))
+    assert differing == {"/branches/multipliers": pytest.approx(0.5 * size / largest, rel=1e-12)}

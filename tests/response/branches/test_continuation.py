@@ -19,10 +19,9 @@ from gearstab.response.branches.continuation import (
     NEIMARK_SACKER,
     UNBOUNDED,
     Curve,
-    NoPoint,
-    Point,
     StepLimits,
-)  # fmt: skip
+)
+from gearstab.response.branches.points import NoPoint, Point
 
 Array = np.ndarray
 

@@ -39,7 +39,7 @@ APART = 1e-8
 LOST = 15.0
 """ln |lambda| below the largest one at which a multiplier is lost in rounding, and far from growing."""
 UPPER = -1e-9
-"""Of two complex conjugate pairs the one is taken whose product has no smaller imaginary part than this."""
+"""Smallest imaginary part of a product: of two complex conjugate pairs, the one above it is taken."""
 SEQUENCE = 3.0
 """Ratio of the distances of samples beside an edge."""
 REACH = 1.1

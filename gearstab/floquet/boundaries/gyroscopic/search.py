@@ -66,7 +66,7 @@ def search(periods: CanonicalPeriods, first: Array, last: Array, tolerance: floa
 
 @dataclass(frozen=True)
 class VerdictGaps:
-    """What stretches leave between neighbouring points ``before`` and ``before + 1``: left..right, and whether the
+    """Gaps that stretches leave between neighbouring points ``before`` and ``before + 1``: left..right, and whether the
     verdicts differ; radius: the mean one of both.
     """
 

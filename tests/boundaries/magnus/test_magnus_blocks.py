@@ -56,7 +56,7 @@ def same(found: Boundaries, known: Boundaries, rounding: float = 1e-13) -> None:
 
 
 def check_raster(found: Boundaries, system: GearSystem, points: int = 150) -> None:
-    """What lies in a region is unstable by the other method, and nothing else is."""
+    """Check that points are unstable by the other method just where they lie in a region."""
     omega = np.linspace(*found.limits, points)
     inside = np.zeros((found.rows, points), dtype=bool)
     for row, (lower, upper) in zip(found.row, edges(found), strict=True):

@@ -34,7 +34,7 @@ def computed(
     config: Config, say: Callable[[str], None] | None = None
 ) -> tuple[Response | RampResponse | PairResponse, ResultTree]:
     """Compute the response, and the result to be written; say as for :func:`respond`. Raises ConfigError."""
-    from gearstab.respond import pair, system
+    from gearstab.response.command import pair, system
 
     if config.respond is None:
         raise ValueError("the configuration has no section respond")

@@ -10,15 +10,16 @@ import numpy as np
 
 from gearstab.propagation.path import Path
 from gearstab.response import RESPONSE_FLAGS, RampResponse, ramp_response
+from gearstab.response.command import loads
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.measures.waterfall import HARMONICS, waterfall
 from gearstab.results import Group, ResultTree, Variable, coordinate, fields_of
-from gearstab.results.display import FACTOR, FREQUENCY, typed
+from gearstab.results.display import CYCLES, FACTOR, FREQUENCY, typed
 from gearstab.results.guard import RESPOND
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.units import in_brackets, in_units_of, unit_of
 from gearstab.results.variables import SPEED, flagged
-from gearstab.results.variables.responses import RAMP_RESPONSE
+from gearstab.results.variables.responses import MESH_ORDER, ORDERS, RAMP_RESPONSE
 from gearstab.system import GearSystem
 
 if TYPE_CHECKING:
@@ -59,6 +60,8 @@ def response(config: Config, wanted: Respond, system: GearSystem) -> tuple[RampR
     if system.load is not None:
         values["static_mesh_force"] = static_mesh_force(system)
     said: dict[str, Any] = {"comment": "run-up or coast-down, without the rigid-body motion and what accelerates it"}
+    forces = loads.values(system, values)
+    values |= forces
     sounds = waterfall(system, found)
     if sounds is not None:
         ratios = [float(mesh.frequency_ratio) for mesh in system.whole_meshes]
@@ -71,8 +74,13 @@ def response(config: Config, wanted: Respond, system: GearSystem) -> tuple[RampR
             "harmonic": np.arange(1, HARMONICS + 1),
             "mesh_force_spectrogram": sounds.spectrum,
             "mesh_force_harmonic": sounds.harmonics,
+            **loads.harmonics(system, found, forces),
         }
-    table = in_units_of(system, flagged(RAMP_RESPONSE, RESPONSE_FLAGS))
+    cycles = config.system.cycles_of_input()
+    if cycles is not None:
+        said[CYCLES] = cycles
+    table = (*in_units_of(system, flagged(RAMP_RESPONSE, RESPONSE_FLAGS)), *loads.table(system, ramp=True))
+    table = (ORDERS, *table) if MESH_ORDER in values else table
     table = (_speed(wanted.axis, system), *(_over(variable, wanted.axis) for variable in table))
     fields = fields_of(table, values)
     root = Group((), root_attributes(RESPOND, config))

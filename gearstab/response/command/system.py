@@ -11,7 +11,6 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.config.document.codes import Code
 from gearstab.errors import NotPossible
-from gearstab.respond import effort, loads, ramp, tooth_loads
 from gearstab.response import (
     RESPONSE_FLAGS,
     backlash,
@@ -20,6 +19,7 @@ from gearstab.response import (
     harmonics,
     steady_state,
 )
+from gearstab.response.command import effort, loads, ramp, tooth_loads
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.response.measures.spectra import Spectra, amplitudes, densities
 from gearstab.results import Group, ResultTree, Variable, fields_of
@@ -132,7 +132,7 @@ def _affordable(config: Config, wanted: Respond, system: GearSystem) -> None:
         samples = _duration(wanted, system) / _period(wanted, system) * wanted.samples_per_cycle + 1
     else:
         samples = ramp.samples(wanted, system)
-    numbers = samples * (2 * system.size + 2 * len(system.meshes) + 2)
+    numbers = samples * (2 * system.size + 2 * len(system.meshes) + len(system.connections) + 2)
     if numbers > MOST_NUMBERS:
         asked = next((key for key in ("duration", "cycles") if getattr(wanted, key) is not None), "samples_per_cycle")
         message = (

@@ -1,7 +1,13 @@
-"""Values that a sweep takes over from an earlier result, ``--extend``: points that are the same there, bit for bit."""
+"""Earlier results: at the output of a sweep, which replaces them, and those whose points it takes over, ``--extend``.
+
+A sweep replaces results of sweeps of the same configuration file (with the same ``--set``), whatever that file said
+then, when the new result is complete. What is something else is refused: the result of another configuration unless
+``--overwrite`` is given, everything else always. Points are taken over that are the same in both, bit for bit.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -11,11 +17,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.errors import ResultError, SweepError, one_line
+from gearstab.config import Config
+from gearstab.errors import OutputError, ResultError, SweepError, one_line
 from gearstab.methods import Key, Outcome
 from gearstab.perturbation import Tongue
-from gearstab.results.variables import OCCURRENCE, ROWS, TEXT, TONGUE, Variable
+from gearstab.results.guard import SWEEP, result_of
+from gearstab.results.read import attributes, is_sealed
+from gearstab.results.seal import holds
+from gearstab.results.tree import FORMAT
+from gearstab.results.variables import OCCURRENCE, TEXT, TONGUE, Variable
 from gearstab.system import Array
+from gearstab.version import __version__
 
 if TYPE_CHECKING:
     import h5py
@@ -24,14 +36,23 @@ Identity = tuple[int, int, int]
 """Data that distinguish a file from another one that took its name, or from itself before a change."""
 
 
-def identity(path: Path) -> Identity:
-    """Return the identity of a file. Raises OSError."""
-    found = path.stat()
+def identity(path: Path) -> Identity | None:
+    """Return the identity of a file; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
     return found.st_ino, found.st_size, found.st_mtime_ns
 
 
+def replaced(path: Path, before: Identity | None) -> bool:
+    """Return whether another file has come to a path, or gone from it; another time stamp alone makes none."""
+    now = identity(path)
+    return (now and now[:2]) != (before and before[:2])
+
+
 @dataclass(frozen=True)
-class Taken:
+class Previous:
     """The points of an earlier result that a sweep needs not compute.
 
     path, identity: of its file, which is only read.
@@ -96,7 +117,7 @@ def misshapen(path: Path, method: str, variables: Sequence[Variable], shape: Seq
         for variable in variables:
             name = f"{method}/{variable.name}"
             data = file.get(name) if _has(file, name) else None
-            lead = variable.dims.index(ROWS) if variable.listed else 0
+            lead = variable.lead
             if (
                 not isinstance(data, h5py.Dataset)
                 or data.dtype != variable.dtype
@@ -137,7 +158,7 @@ def _listed(group: h5py.Group, variables: Sequence[Variable], places: Sequence[A
     values: dict[str, Array] = {}
     rows = prod(len(place) for place in places)
     for variable in variables:
-        lead = variable.dims.index(ROWS)
+        lead = variable.lead
         read = _cut(group[variable.name], lead, places)
         values[variable.name] = read.reshape(*read.shape[:lead], rows, *read.shape[lead + len(places) :])
     keys = tongues(group)
@@ -172,3 +193,90 @@ def tongues(group: h5py.Group) -> tuple[Key, ...]:
         columns[variable.name] = (data.asstr()[...] if variable.dtype == TEXT else data[...]).tolist()
     named = [Tongue(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
     return tuple(zip(named, group[OCCURRENCE.name][...].tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class AtOutput:
+    """The file at the output.
+
+    complete: whether it is the whole result of the very configuration. retitled: whether only its title is another one.
+    note: why it is replaced; "" where that needs no word.
+    """
+
+    complete: bool = False
+    retitled: bool = False
+    note: str = ""
+
+
+def look(config: Config, out: Path, overwrite: bool = False) -> AtOutput:
+    """Look at the output before anything is computed.
+
+    Raises OutputError if it holds something that a sweep of this configuration must not replace.
+    """
+    result_of(SWEEP).refuse(out, config.source)
+    if not out.exists() or not out.stat().st_size:
+        return AtOutput()
+    sealed, found = _read(out)
+    same = _is_of(config, out, found)
+    if not same and not overwrite and not (found and same_origin(found, config, out)):
+        raise OutputError(f"{out}: {_other(found)}; choose another output, or use --overwrite")
+    if overwrite:
+        return AtOutput()
+    if not same:
+        return AtOutput(note="is of an earlier state of the configuration, and is replaced when the sweep is complete")
+    if not sealed:
+        what = "is damaged" if sealed is False else "was changed after it was written"
+        return AtOutput(note=f"{what}: it is computed again, and replaced when the sweep is complete")
+    if (found["gearstab_version"], found["format_version"]) != (__version__, str(FORMAT)):
+        return AtOutput(note=f"was computed by gearstab {found['gearstab_version']}: it is computed again")
+    return AtOutput(complete=True, retitled=found.get("title") != config.title)
+
+
+def _read(out: Path) -> tuple[bool | None, dict[str, str]]:
+    """Whether the seal of a result fits, and its attributes: none of a damaged one, which HDF5 must not open."""
+    sealed = is_sealed(out)
+    return sealed, {} if sealed is False else attributes(out)
+
+
+def _is_of(config: Config, out: Path, found: dict[str, str]) -> bool:
+    """Whether a result with these attributes is of a configuration; a damaged one, whether this stands in it."""
+    digest = config.digest
+    return found.get("config_digest") == digest if found else holds(out, digest)
+
+
+def _other(found: dict[str, str]) -> str:
+    if not found:
+        return "is a damaged result, of this or another configuration"
+    origin = f", {found['config_file']}" if "config_file" in found else ""
+    return f"is the result of another configuration{origin} ('{found.get('title', '')}')"
+
+
+def look_again(config: Config, out: Path, before: Identity | None) -> None:
+    """Look at the output when the new result is to take its name; ``before``: its identity when the sweep started.
+
+    Raises OutputError if another process has put something else there; an equal sweep may have.
+    """
+    if not out.exists() or not replaced(out, before):
+        return
+    result_of(SWEEP).refuse(out)
+    if not _is_of(config, out, _read(out)[1]):
+        raise OutputError(f"{out}: meanwhile another sweep has put its result there; choose another output")
+
+
+def origin(config: Config, out: Path) -> dict[str, str]:
+    """Return the attributes of a result that say where its configuration stands: relative to its own folder."""
+    return {"config_file": _relative(config.source, out), "config_overrides": "\n".join(config.overrides)}
+
+
+def same_origin(found: dict[str, str], config: Config, out: Path) -> bool:
+    """Whether a result with these attributes comes from the file of a configuration, with the same overrides."""
+    mine = origin(config, out)
+    return all(found.get(name) == value for name, value in mine.items())
+
+
+def _relative(path: Path, out: Path) -> str:
+    folder = os.path.dirname(os.path.realpath(out))
+    try:
+        return Path(os.path.relpath(os.path.realpath(path), folder)).as_posix()
+    except ValueError:  # another drive
+        return path.name
