@@ -116,7 +116,7 @@ class Counter:
         return self.cells[b]
 
     def found(self, values: list[list[arb]], rest: list[arb]) -> Cell:
-        """What a cell is, from what interpolates it and what that leaves."""
+        """Return a cell, from the values that are interpolated on it and what that leaves."""
         lines = (_interpolation() * arb_mat(values)).transpose().tolist()
         chi = [cut(arb_poly([line[0] + arb(0, 1) * r, *line[1:]]), CUT) for line, r in zip(lines, rest, strict=True)]
         chi.append(arb_poly([1]))
@@ -150,7 +150,7 @@ class Counter:
         return [most.sqrt() * (self.grows * run).exp(), (self.shrinks * run).exp() / least.sqrt(), volume]
 
     def rest(self, grows: arb, shrinks: arb, volume: arb) -> list[arb]:
-        """What the interpolation of each coefficient of chi but the last leaves, at most."""
+        """Bounds of what the interpolation of each coefficient of chi but the last leaves."""
         found = []
         for k in range(self.m, 0, -1):
             inverse = 2 * k > self.m
@@ -178,8 +178,8 @@ def _largest(values: Iterable[arb]) -> arb:
 
 @cache
 def _bend() -> arb:
-    """What NODES numbers z_j at distances 1, symmetric to 0, make of the product of all |z - z_j| on a cell, divided
-    by NODES!: in pairs, |z^2 - z_j^2|.
+    """Bound the product of all |z - z_j| on a cell, of NODES numbers z_j at distances 1, symmetric to 0, divided by
+    NODES!: in pairs, |z^2 - z_j^2|.
     """
     found = fmpq(1)
     for k in range(NODES // 2):

@@ -26,7 +26,7 @@ MOST = 1e-4
 NARROW = 0.05
 """Part of an interval that is given up at each of its ends, at most."""
 BESIDE = 0.1
-"""What is given up beside multipliers that cross the circle in an unstable interval, as part of that at an edge."""
+"""Width given up beside multipliers that cross the circle in an unstable interval, as part of that at an edge."""
 SAMPLES = 32
 """Samples a cell in which such crossings are looked for."""
 

@@ -14,7 +14,7 @@ MANY, LONG = 10, 100
 
 
 def counter(flow: Flow) -> Counter | None:
-    """What counts multipliers of a flow; None where Theorem 3 is not about it, or it is too large."""
+    """Return what counts multipliers of a flow; None where Theorem 3 is not about it, or it is too large."""
     if flow.following or flow.generators[0].nrows() > MANY or len(flow.states) > LONG:
         return None
     try:
