@@ -33,11 +33,7 @@ from gearstab.certificates.verifier import Flow
 Array = np.ndarray
 
 BITS = 160
-<<<<<<< HEAD
 """Precision of the midpoints (bits): more than any proof takes."""
-=======
-"""Bits of the midpoints: more than any proof takes."""
->>>>>>> wE
 IMPOSED = 1e-9
 """Part of |K| |r| up to which K r counts as 0."""
 

@@ -157,13 +157,8 @@ BUDGETS: dict[str, dict[str, tuple[int, int]]] = {
     "gearstab": {
         ".": (17, 1070),
         "api": (6, 230),
-<<<<<<< HEAD
         "bench": (10, 680),
         "certificates": (15, 950),
-=======
-        "bench": (10, 670),
-        "certificates": (13, 860),
->>>>>>> wE
         "ckernel": (2, 120),
         "cli": (30, 2110),
         "config": (49, 4650),
@@ -199,13 +194,8 @@ BUDGETS: dict[str, dict[str, tuple[int, int]]] = {
         "bench": (4, 270),
         "boundaries": (19, 2160),
         "cases": (11, 760),
-<<<<<<< HEAD
         "certificates": (4, 650),
         "cli": (16, 1880),
-=======
-        "certificates": (3, 600),
-        "cli": (16, 1870),
->>>>>>> wE
         "config": (24, 3590),
         "design": (6, 1010),
         "docs": (15, 1350),
