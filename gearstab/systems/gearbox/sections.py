@@ -51,7 +51,7 @@ class Input(Section):
     torque_law: TorqueLaw | None = Field(default=None, title="torque over the speed")
     """The input torque as it depends on the speed of the input; its slope damps or drives vibrations."""
     speed: AngularFrequency | None = Field(default=None, title="nominal speed")
-    """Of the input rotor, for friction and torque_law (rad/s, "1500 rpm"); sweeps set it by the axis input_speed."""
+    """Speed of the input rotor, for friction and torques (rad/s, "1500 rpm"); sweeps set it by the axis input_speed."""
     sense: Annotated[str, Choice("sense", ("counter-clockwise", "clockwise"))] = Field(
         default="counter-clockwise", title="sense of rotation"
     )
