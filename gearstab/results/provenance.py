@@ -15,7 +15,8 @@ from gearstab.modal import Modes
 from gearstab.results.display import RATIOS
 from gearstab.results.tree import Group, fields_of
 from gearstab.results.units import in_units_of
-from gearstab.results.variables import DEFLECTION_TYPE, MODES, MODES_WITH_TERMS, Variable
+from gearstab.results.variables import DEFLECTION_TYPE, MODES, MODES_OVER_SPEED, MODES_WITH_TERMS, Variable
+from gearstab.support import whirls
 from gearstab.symmetry import deflection_types, natural_modes, type_names
 from gearstab.system import Array, GearSystem
 from gearstab.version import __version__
@@ -65,8 +66,15 @@ def root_attributes(command: str, config: Origin) -> dict[str, Any]:
     }
 
 
-def modes_group(system: GearSystem) -> Group:
-    """The group ``/modes`` of a single system."""
+MOST_SPEEDS, FEWEST_SPEEDS, WORK = 1000, 50, 3e5
+"""Speeds at which modes are given: some that take about a second, as the time goes with the square of coordinates."""
+
+
+def modes_group(system: GearSystem, speeds: Array | None = None) -> Group:
+    """The group ``/modes`` of a single system.
+
+    speeds: mesh frequencies over which the modes are followed where rotations act; some of them, where there are many.
+    """
     modes = natural_modes(system)
     frequencies = mode_frequencies(system, modes)
     beyond = "symmetric_frequency" in frequencies
@@ -83,12 +91,32 @@ def modes_group(system: GearSystem) -> Group:
     }
     if system.symmetries:
         table, values = (*table, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
+    if speeds is not None and whirls(system):
+        over_speed = modes_over_speed(system, speeds)
+        table, values = (*table, *MODES_OVER_SPEED), values | over_speed
     part = "symmetric mean system, with the frequencies of the whole one," if beyond else "mean system"
     said = {
         "comment": f"modes of the {part} at the base values of the configuration",
         RATIOS: [float(mesh.frequency_ratio) for mesh in system.whole_meshes],
     }
     return Group(fields_of(in_units_of(system, table), values), {**said, **system.drawing})
+
+
+def modes_over_speed(system: GearSystem, speeds: Array) -> dict[str, Array]:
+    """Return the values of MODES_OVER_SPEED, at the first and the last speed and at some in between."""
+    from gearstab.floquet.general.whirl import whirl_motions
+
+    known = np.unique(speeds)
+    most = int(np.clip(WORK / system.size**2, FEWEST_SPEEDS, MOST_SPEEDS))
+    if len(known) > most:
+        known = known[np.linspace(0, len(known) - 1, most).astype(int)]
+    found = whirl_motions(system, known)
+    return {
+        "speed": known,
+        "frequency": found.natural_frequency,
+        "damping_ratio": found.damping_ratio,
+        "whirl": found.whirl,
+    }
 
 
 def mode_frequencies(system: GearSystem, modes: Modes) -> dict[str, Array]:

@@ -110,6 +110,12 @@ class Plan:
         low, high = self.fast.span
         return low * self.fast.assignments[0].factor, high * self.fast.assignments[0].factor
 
+    @property
+    def mesh_frequencies(self) -> Array | None:
+        """Mesh frequencies of the axis that sets them, None where no axis does."""
+        sources = [m.values for axis in self.config.axes if (m := axis.mesh_frequency)]
+        return np.asarray(sources[-1], dtype=float) if sources else None
+
     def mesh_frequency(self, rows: dict[str, Array], columns: Array) -> Array:
         """The mesh frequency of rows (indices by axis name): ``(P,)`` of its own axis, else ``(rows, 1)``."""
         if self.fast is not None:

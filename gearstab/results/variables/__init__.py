@@ -144,6 +144,16 @@ WHIRL = (
 )  # fmt: skip
 """Motions of a system whose speeds of rotation follow the mesh frequency."""
 
+MODES_OVER_SPEED = (
+    coordinate("speed", "speed", "f8", "rad/s", "mesh frequency"),
+    *(
+        replace(v, name=v.name.removeprefix("natural_"), dims=("speed", "mode"))
+        for v in WHIRL
+        if v.name in ("natural_frequency", "damping_ratio", "whirl")
+    ),
+)
+"""The same in the group ``/modes``, for the base values of the configuration."""
+
 
 DEFLECTION_TYPE = Variable(
     "mesh_deflection_type",

@@ -42,7 +42,7 @@ def result_tree(store: Store, said: Mapping[str, str]) -> ResultTree:
         _aside(field) if field.variable.name in named else field for fields in axes.values() for field in fields
     ]
     root = Group(tuple(inherited), root_attributes(SWEEP, plan.config) | dict(said))
-    groups = {"modes": modes_group(plan.base)}
+    groups = {"modes": modes_group(plan.base, plan.mesh_frequencies)}
     for layout in plan.layouts:
         beside = [field for name in axes if name in layout.dims for field in own[name]]
         groups[layout.method.name] = _method_group(store, layout, beside)

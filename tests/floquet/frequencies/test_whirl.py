@@ -174,3 +174,20 @@ def test_over_the_axes_of_a_sweep() -> None:
 def test_speeds_that_follow_nothing_are_refused() -> None:
     with pytest.raises(ConfigError, match="needs a mesh_frequency axis: speeds of rotation follow it"):
         gs.sweep(gs.load(CONFIG | {"sweep": {"epsilon": [0.1, 0.2]}}))
+
+
+def test_modes_of_the_base_system_over_the_speed() -> None:
+    """Frequencies are those of the first-order matrix, and one motion orbits against the other."""
+    speeds = [2.0, 0.5, 3.5]
+    modes = gs.sweep(gs.load(CONFIG | {"sweep": {"mesh_frequency": speeds}}))["modes"].to_dataset()
+    assert modes["frequency"].dims == modes["whirl"].dims == ("speed", "mode")
+    np.testing.assert_array_equal(modes["speed"], sorted(speeds))
+    base = gs.build(gs.load(CONFIG))
+    mass, stiffness = base.mass, base.mean_stiffness_matrix()
+    for speed, frequency in zip(sorted(speeds), modes["frequency"].values, strict=True):
+        gyroscopic = 0.1 * speed * np.array([[0, 1.0], [-1.0, 0]])
+        bottom = np.linalg.solve(mass, np.hstack([-stiffness, -gyroscopic]))
+        exponents = np.linalg.eigvals(np.vstack([np.hstack([np.zeros((2, 2)), np.eye(2)]), bottom]))
+        np.testing.assert_allclose(np.sort(frequency), np.sort(exponents.imag[exponents.imag > 0]), rtol=1e-12)
+    np.testing.assert_allclose(modes["damping_ratio"], 0.0, atol=1e-12)
+    assert (np.sort(modes["whirl"].values, axis=1) == [-1, 1]).all()
