@@ -179,10 +179,11 @@ def test_speeds_that_follow_nothing_are_refused() -> None:
 def test_modes_of_the_base_system_over_the_speed() -> None:
     """Frequencies are those of the first-order matrix, and one motion orbits against the other."""
     speeds = [2.0, 0.5, 3.5]
-    modes = gs.sweep(gs.load(CONFIG | {"sweep": {"mesh_frequency": speeds}}))["modes"].to_dataset()
+    config = gs.load(CONFIG | {"sweep": {"mesh_frequency": speeds}})
+    modes = gs.sweep(config)["modes"].to_dataset()
     assert modes["frequency"].dims == modes["whirl"].dims == ("speed", "mode")
     np.testing.assert_array_equal(modes["speed"], sorted(speeds))
-    base = gs.build(gs.load(CONFIG))
+    base = gs.build(config)
     mass, stiffness = base.mass, base.mean_stiffness_matrix()
     for speed, frequency in zip(sorted(speeds), modes["frequency"].values, strict=True):
         gyroscopic = 0.1 * speed * np.array([[0, 1.0], [-1.0, 0]])
