@@ -39,7 +39,7 @@ def test_public_functions_are_there_and_say_what_they_do(name: str) -> None:
     assert name in dir(gs)
 
 
-@pytest.mark.parametrize("name", ["design", "floquet", "perturbation", "respond", "sweep"])
+@pytest.mark.parametrize("name", ["design", "floquet", "perturbation", "sweep"])
 def test_a_room_of_the_same_name_does_not_take_its_place(name: str) -> None:
     room = import_module(f"gearstab.{name}")
     assert inspect.ismodule(room)

@@ -48,8 +48,6 @@ CASES = [
      f"{ONLY} (got 2); choose order: 1, which takes these too")),
     (SMOOTH, "uncoupled: {}", said(11, "uncoupled",
      "averages the contact ratios of rectangular waves, which b does not have; use floquet instead")),
-    (TERM, "required_damping: {}", said(12, "required_damping",
-     f"{ONLY}; sweep the damping with floquet instead")),
     ("lag: 0}", "required_damping: {of: factor}", said(11, "required_damping.of",
      'there is no damping to multiply (got "factor"); give the system damping, or choose of: damping_ratio')),
     (IRRATIONAL, "required_damping:\n    frequencies: common_period", said(12, "required_damping.frequencies",
@@ -61,10 +59,6 @@ CASES = [
      "no mesh has backlash (got 30); remove it, or give a mesh backlash")),
     (LOADED.replace("lag: 0}", "lag: 0, backlash: 0.1}"), "response: {cycles: 30, discard: 40}",
      said(13, "response.discard", "leaves nothing of 30 cycles (got 40); discard less, or give more cycles")),
-    (TERM, "{perturbation: {order: 2}, required_damping: {}}", said(12, "perturbation.order",
-     f"{ONLY} (got 2); choose order: 1, which takes these too")
-     + said(12, "required_damping",
-     f"{ONLY}; sweep the damping with floquet instead")),
 ]  # fmt: skip
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scenes import CONFIGS
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from gearstab.config import load
 from gearstab.floquet import solve
@@ -79,6 +80,28 @@ def test_mesh_damping_that_follows_parabolic_pairs() -> None:
         expected = growth(multipliers(np.eye(1), damping, stiffness, period, [0.6]), period)
         found = solve(system, np.array([omega]), tolerance=1e-9)
         assert found.growth_rate[0, 0] == pytest.approx(expected, abs=2e-9)
+
+
+def test_mesh_damping_that_follows_a_rectangular_wave() -> None:
+    """States of symmetric matrices whose velocities are weighted: growth by two exponentials."""
+    mesh = {"name": "m", "mean_stiffness": 1.0, "epsilon": 0.4, "contact_ratio": 1.6, "damping": 0.05}
+    pair = {"kind": "gear_pair", "units": "none", "equivalent_mass": 1.0, "damping_ratio": 0.01}
+    system = build(
+        load(
+            {
+                "system": pair | {"meshes": [mesh | {"damping_follows_stiffness": True}]},
+                "sweep": {"mesh_frequency": [2.2]},
+                "methods": {"floquet": {}},
+            }
+        ).system
+    )
+    period, monodromy = 2 * np.pi / 2.2, np.eye(2)
+    for stiffness, part in ((1 + 2 * 0.4 * 0.4, 0.6), (1 - 2 * 0.4 * 0.6, 0.4)):
+        damping = 0.05 * stiffness + 2 * 0.01
+        monodromy = expm(np.array([[0.0, 1.0], [-stiffness, -damping]]) * part * period) @ monodromy
+    expected = np.log(np.abs(np.linalg.eigvals(monodromy)).max()) / period
+    found = solve(system, np.array([2.2]))
+    assert found.growth_rate[0, 0] == pytest.approx(expected, rel=1e-11)
 
 
 def test_sampled_stiffness_from_its_file() -> None:

@@ -132,13 +132,15 @@ def real_modes(values: Array, vectors: Array, inverse: Array) -> tuple[Array, Ar
 
 
 def _light(matrix: Array) -> tuple[Array, Array, Array, Array]:
-    """(values ``(B, m)``, X, X^-1, found ``(B,)``) of lightly damped states of symmetric stiffness and damping; those
-    not found mean nothing.
+    """(values ``(B, m)``, X, X^-1, found ``(B,)``) of lightly damped states (u, u') of symmetric stiffness and damping;
+    those not found mean nothing.
     """
     count, m = matrix.shape[:2]
     n = m // 2
     damping, stiffness = -matrix[:, n:, n:], -matrix[:, n:, :n]
-    if m == 0 or m % 2 or not (_symmetric(stiffness) and _symmetric(damping)):
+    # Of velocities in other units, as generators have them that are weighted, these would not be the eigenvalues.
+    plain = m % 2 == 0 and bool(np.all(matrix[:, :n] == np.eye(n, m, n)))
+    if m == 0 or not plain or not (_symmetric(stiffness) and _symmetric(damping)):
         nothing = np.zeros((count, m, m), dtype=complex)
         return np.zeros((count, m), dtype=complex), nothing, nothing.copy(), np.zeros(count, dtype=bool)
     squared, shapes = ckernel.symmetric_eigen(stiffness)
