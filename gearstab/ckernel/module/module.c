@@ -6,6 +6,10 @@
 
 #include "module.h"
 
+#if defined(__x86_64__)
+#include <cpuid.h>
+#endif
+
 static const struct level *const LEVELS[] = {
     &gearstab_plain,
 #if defined(__x86_64__)
@@ -16,14 +20,21 @@ static const struct level *const LEVELS[] = {
 
 enum { LEVEL_COUNT = sizeof LEVELS / sizeof *LEVELS };
 
+/* What the processor can do, and the system keeps between processes, asked of the processor itself: the answer of
+   __builtin_cpu_supports is always no where the compiler is that of zig. */
 static int supported(int index) {
 #if defined(__x86_64__)
-    __builtin_cpu_init();
-    if (index == 1)
-        return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-    if (index == 2)
-        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-               __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("fma");
+    enum { FUSED = 1 << 12, KEEPS = 1 << 27, AVX = 1 << 28, AVX2 = 1 << 5, AVX512F = 1 << 16, AVX512DQ = 1 << 17 };
+    const unsigned avx512vl = 1u << 31, basic = FUSED | KEEPS | AVX;
+    unsigned a, b, c, d, more, kept, unused;
+    if (index > 0) {
+        if (!__get_cpuid(1, &a, &b, &c, &d) || (c & basic) != basic || !__get_cpuid_count(7, 0, &a, &more, &c, &d))
+            return 0;
+        __asm__("xgetbv" : "=a"(kept), "=d"(unused) : "c"(0));
+        if (index == 1)
+            return (kept & 0x6) == 0x6 && (more & AVX2);
+        return (kept & 0xe6) == 0xe6 && (more & AVX512F) && (more & AVX512DQ) && (more & avx512vl);
+    }
 #endif
     return index == 0;
 }
