@@ -23,8 +23,9 @@ export PYTHONDONTWRITEBYTECODE :=
 INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
 
 # Install a lock and print the name of each package that pip takes up; the exit code of a pipe is that of its last command.
-LOCKED = { $(INSTALL) --require-hashes --requirement $< || echo failed; } | while read -r word name rest; \
-  do case $$word in Collecting|Processing) name=$${name##*/}; printf ' %s' "$${name%%[=-][=0-9]*}";; failed) exit 1;; esac; done && echo
+LOCKED = { $(INSTALL) --require-hashes --requirement $< || echo failed; } | awk \
+  '/^(Collecting|Processing) / {sub(/.*\//, "", $$2); sub(/[=-][=0-9].*/, "", $$2); printf " %s", $$2; fflush()} \
+  /^failed$$/ {exit 1} END {print ""}'
 
 # Two locks, one a part of the other: what the program needs, and with what tests, pages and certificates need besides.
 $(VENV)/.locked: scripts/runtime.lock
