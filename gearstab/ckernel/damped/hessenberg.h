@@ -122,8 +122,11 @@ static int deflate(vec *h, int64_t m, int lane, struct blocks *block, vec *real,
         int64_t high = block->highest[lane], low = high;
         for (; low > 0; low--) {
             double size = fabs(H(low - 1, low - 1)) + fabs(H(low, low));
-            if (!(fabs(H(low, low - 1)) > DBL_EPSILON * size + NOTHING))
+            if (!(fabs(H(low, low - 1)) > DBL_EPSILON * size + NOTHING)) {
+                /* For good: later sweeps leave the rest of this column, and the rows above, as they are. */
+                H(low, low - 1) = 0.0;
                 break;
+            }
         }
         block->lowest[lane] = low;
         if (low < high - 1)

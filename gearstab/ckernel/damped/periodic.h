@@ -225,15 +225,17 @@ static void pair_of_multipliers(const vec *x, int64_t count, int64_t m, int64_t 
 
 /* Split off converged multipliers of one lane until its last block has at least three rows; 0 when all are found. logs
    (LANES, m, 2). */
-static int deflate_factors(const vec *x, int64_t count, int64_t m, int lane, struct blocks *block, double *logs) {
+static int deflate_factors(vec *x, int64_t count, int64_t m, int lane, struct blocks *block, double *logs) {
     const int64_t end = count - 1;
     double *own = logs + lane * m * 2;
     while (block->highest[lane] >= 0) {
         int64_t high = block->highest[lane], low = high;
         for (; low > 0; low--) {
             double size = fabs(A(end, low - 1, low - 1)) + fabs(A(end, low, low));
-            if (!(fabs(A(end, low, low - 1)) > DBL_EPSILON * size + NOTHING))
+            if (!(fabs(A(end, low, low - 1)) > DBL_EPSILON * size + NOTHING)) {
+                A(end, low, low - 1) = 0.0; /* for good, as of a single matrix */
                 break;
+            }
         }
         block->lowest[lane] = low;
         if (low < high - 1)
