@@ -31,7 +31,7 @@ def test_eigenvalues(size: int) -> None:
 
 @pytest.mark.usefixtures("level")
 def test_eigenvalues_of_two_equal_blocks_that_are_just_coupled() -> None:
-    """Entries of a rounding error join the blocks for some sweeps, and part them later; each eigenvalue stays simple."""
+    """Entries of a rounding error join the blocks for some sweeps; eigenvalues stay as they are."""
     random = np.random.default_rng(1)
     for _ in range(400):
         block = np.triu(random.normal(size=(3, 3)), -1)
