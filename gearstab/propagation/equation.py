@@ -9,6 +9,7 @@ import numpy as np
 
 from gearstab.propagation.excitation import Excitation
 from gearstab.propagation.first_order import FirstOrder
+from gearstab.propagation.schedule import distinct
 from gearstab.propagation.segment import States
 from gearstab.system import Array
 
@@ -48,10 +49,9 @@ class Equation:
     def states(self) -> States:
         """The states of A in intervals in which nothing varies."""
         inner = self.drive.split(self.middles[self.occupied])[1]
-        table = inner.reshape(len(inner), -1)
-        _, first, which = np.unique(table, axis=0, return_index=True, return_inverse=True)
+        which, first = distinct(np.swapaxes(inner, 0, 1))
         of = np.zeros(self.edges.shape[1] - 1, dtype=int)
-        of[self.occupied] = which.ravel()
+        of[self.occupied] = which
         return States(of, self.form.generator(inner[first]))
 
     def inputs(self, values: Array) -> tuple[Array, Array, Array]:

@@ -157,6 +157,13 @@ def schedule(system: GearSystem) -> Schedule:
     return divided(Functions(sources(system, system.common_period()[1]), system.batch))
 
 
+def distinct(values: Array) -> tuple[Array, Array]:
+    """Return the state of each interval ``(S,)``, and where each occurs first, from all functions ``(r, S, J)``."""
+    table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
+    _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    return np.ravel(states), first
+
+
 def divided(functions: Functions) -> Schedule:
     """Cut the common period at the jumps and kinks of any functions."""
     rows = functions.rows

@@ -4,27 +4,11 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from scenes import TRAIN, problems, read, result_of
+from scenes import REDUCER, TRAIN, problems, read, result_of
 
 from gearstab.sweep import plan
 
-REDUCER = """
-system:
-  kind: gearbox
-  damping_ratio: 0.001
-  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
-  rotors:
-    - {name: motor, inertia: 0.01}
-    - {name: pinion, teeth: 20}
-    - {name: wheel, teeth: 40}
-    - {name: machine, inertia: 0.2}
-  shafts:
-    - {name: input, between: [motor, pinion], stiffness: 1.0e4}
-    - {name: output, between: [wheel, machine], stiffness: 8.0e4}
-  meshes: [{name: first, gears: [pinion, wheel]}]
-  input: {rotor: motor, torque: 20.0}
-  outputs: [{rotor: machine}]
-"""
+DAMPED = REDUCER.replace("teeth: 63", "teeth: 40").replace("gearbox\n", "gearbox\n  damping_ratio: 0.001\n")
 
 
 GRID = """
@@ -111,13 +95,13 @@ def test_the_exact_motion_alone_where_regions_are_not_looked_for(tmp_path, monke
 
 def test_rates_of_an_input_speed_are_those_of_the_input(tmp_path):
     speeds = 'sweep: {input_speed: ["900 rpm", "6000 rpm"]}\n'
-    found = result_of(tmp_path, REDUCER + speeds + 'methods: {passage: {rate: ["3000 rpm/s", -2000]}}\n', "passage")
+    found = result_of(tmp_path, DAMPED + speeds + 'methods: {passage: {rate: ["3000 rpm/s", -2000]}}\n', "passage")
     assert found["rate"].values == pytest.approx([3000 * 2 * np.pi / 60, -2000.0])
     factor = 20 * 2 * np.pi / 60
     low, high = 900 * factor, 6000 * factor
     rates = [3000 * factor, -2000 * 20]
     mesh = f"sweep: {{mesh_frequency: [{low}, {high}]}}\nmethods: {{passage: {{rate: {rates}}}}}\n"
-    other = result_of(tmp_path, REDUCER + mesh, "passage")
+    other = result_of(tmp_path, DAMPED + mesh, "passage")
     assert found["growth"].values == pytest.approx(other["growth"].values, rel=1e-6, abs=1e-9)
     assert found["growth_exact"].values == pytest.approx(other["growth_exact"].values, rel=1e-6, abs=1e-9)
     assert 3 < float(found["growth_exact"][0]) < 30

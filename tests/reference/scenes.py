@@ -35,6 +35,24 @@ system:
 """
 """Lin & Parker's two-stage train (2002, Table 1)."""
 
+REDUCER = """\
+system:
+  kind: gearbox
+  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
+  rotors:
+    - {name: motor, inertia: 0.01}
+    - {name: pinion, teeth: 20}
+    - {name: wheel, teeth: 63}
+    - {name: machine, inertia: 0.2}
+  shafts:
+    - {name: input, between: [motor, pinion], stiffness: 1.0e4}
+    - {name: output, between: [wheel, machine], stiffness: 8.0e4}
+  meshes: [{name: first, gears: [pinion, wheel]}]
+  input: {rotor: motor, torque: 20.0}
+  outputs: [{rotor: machine}]
+"""
+"""A motor and a machine that a pair of gears couples, by teeth."""
+
 
 @dataclass
 class SweepFolder:

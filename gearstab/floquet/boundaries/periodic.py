@@ -27,7 +27,7 @@ from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fast
 from gearstab.floquet.boundaries.gyroscopic import search as gyroscopic
 from gearstab.floquet.boundaries.parts import Part
 from gearstab.floquet.general.canonical import CanonicalPeriods
-from gearstab.floquet.general.stepped import cut, distinct, varying
+from gearstab.floquet.general.stepped import cut, varying
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
 from gearstab.floquet.kernel.damped import Generators
@@ -39,7 +39,7 @@ from gearstab.grouping import equal_rows
 from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.elastic import ElasticForm, elastic_forms, free_rotations
 from gearstab.propagation.first_order import FirstOrder
-from gearstab.propagation.schedule import Schedule, schedule
+from gearstab.propagation.schedule import Schedule, distinct, schedule
 from gearstab.system import Array, GearSystem
 
 Verdict = Callable[[Array, Array], Array]

@@ -18,7 +18,7 @@ from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.factors import SPREAD
 from gearstab.floquet.segments.pattern import SHORTEST, Succession, merged
 from gearstab.propagation.elastic import ElasticRows, elastic_rows
-from gearstab.propagation.schedule import Schedule, schedule
+from gearstab.propagation.schedule import Schedule, distinct, schedule
 from gearstab.system import Array, GearSystem
 
 ROUNDING = 3e-16
@@ -181,9 +181,8 @@ def _segments(plan: Schedule, values: Array, cycles: float) -> tuple[Succession,
     values: ``(r, S, J)``.
     """
     lengths = plan.lengths
-    table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
-    _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
-    key = np.where(lengths.max(axis=0) > SHORTEST, np.ravel(states), -1)
+    states, first = distinct(values)
+    key = np.where(lengths.max(axis=0) > SHORTEST, states, -1)
     kept, fractions, start = merged(key, lengths, plan.edges[:, :-1])
     used, states = np.unique(kept, return_inverse=True)
     return Succession(plan.rows, cycles, fractions, start, np.ravel(states)), values[:, first[used]]

@@ -21,7 +21,7 @@ from gearstab.floquet.smooth.steps import exponentials, in_steps
 from gearstab.interrupts import heed
 from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.elastic import ElasticRows
-from gearstab.propagation.schedule import Schedule, schedule
+from gearstab.propagation.schedule import Schedule, distinct, schedule
 from gearstab.system import Array, GearSystem
 
 FINEST = 14
@@ -143,13 +143,6 @@ def cut(plan: Schedule, varies: Array, counts: Array, scheme: Scheme = CF6_5) ->
     kept = np.flatnonzero(lengths.max(axis=0) > 0)
     start, length, piece = in_steps(plan.edges[:, kept], lengths[:, kept], np.where(varies, counts, 1)[kept])
     return exponentials(plan.functions, plan.rows, start, length, ~varies[kept][piece], scheme)
-
-
-def distinct(values: Array) -> tuple[Array, Array]:
-    """(the state of each segment ``(S,)``, where each state occurs first) from all functions ``(r, S, J)``."""
-    table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
-    _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
-    return np.ravel(states), first
 
 
 def _error(before: Array, other: Array, values: Array, scale: Array) -> Array:

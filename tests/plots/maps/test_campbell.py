@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plot_results import tree as result
 from ruamel.yaml import YAML
-from scenes import TRAIN
+from scenes import REDUCER, TRAIN
 from scipy.linalg import eigh, qr
 
 import gearstab
@@ -180,24 +180,6 @@ def test_over_another_axis_at_one_speed(train) -> None:
     assert np.abs(y - 3.675 / 2).min() < 0.01
     grid = [line.get_ydata() for line in panel["modes"]]
     np.testing.assert_allclose(np.sort(grid, axis=0).T, [frequencies(shaft) for shaft in SHAFT], rtol=1e-12)
-
-
-REDUCER = """\
-system:
-  kind: gearbox
-  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
-  rotors:
-    - {name: motor, inertia: 0.01}
-    - {name: pinion, teeth: 20}
-    - {name: wheel, teeth: 63}
-    - {name: machine, inertia: 0.2}
-  shafts:
-    - {name: input, between: [motor, pinion], stiffness: 1.0e4}
-    - {name: output, between: [wheel, machine], stiffness: 8.0e4}
-  meshes: [{name: first, gears: [pinion, wheel]}]
-  input: {rotor: motor, torque: 20.0}
-  outputs: [{rotor: machine}]
-"""
 
 
 def test_input_speeds_in_rpm_and_frequencies_in_hertz() -> None:
