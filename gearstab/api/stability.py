@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from gearstab.api.configurations import Source, as_system
 from gearstab.config import ConfigError
-from gearstab.config.document.data import document_of
+from gearstab.config.document.tree import document_of
 from gearstab.errors import NotPossible
 from gearstab.methods import METHODS, Method, OptionError, Outcome
 from gearstab.results.variables import GRID, TEXT, TONGUE
@@ -125,7 +125,7 @@ def _regions(found: Outcome, values: Mapping[str, Array]) -> Regions:
 
 def _method(name: str, options: Mapping[str, Any], system: GearSystem) -> Method:
     """The method for a system, its options checked as those of a configuration."""
-    from gearstab.config.model.validation import validate
+    from gearstab.config.model.conflicts import validate
 
     document = document_of({name: options}, "options")
     checked = validate(document, METHODS[name].Options, (name,))

@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.config.document.codes import Code
-from gearstab.config.document.problems import Path, Problem
+from gearstab.config.document.problems import Code, Path, Problem
 from gearstab.config.model.axes import Array, Grid
 
 if TYPE_CHECKING:
-    from gearstab.config.document.yaml import Document
+    from gearstab.config.document.tree import Document
     from gearstab.config.sections.design import Design
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.uncertain import Uncertainties

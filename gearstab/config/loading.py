@@ -12,10 +12,9 @@ import numpy as np
 
 from gearstab.config import overrides as override
 from gearstab.config.configuration import Config
-from gearstab.config.document.codes import Code
-from gearstab.config.document.data import NAME, document_of
-from gearstab.config.document.problems import ConfigError, nearest
-from gearstab.config.document.yaml import Document, read
+from gearstab.config.document.problems import Code, ConfigError, nearest
+from gearstab.config.document.tree import NAME, Document, document_of
+from gearstab.config.document.yaml import read
 from gearstab.config.overrides import TOP_LEVEL
 
 if TYPE_CHECKING:

@@ -6,11 +6,9 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from gearstab.config.document.codes import Code
-from gearstab.config.document.data import document_of
-from gearstab.config.document.problems import ConfigError, Path, Problem, nearest, shown
-from gearstab.config.document.tree import mapping
-from gearstab.config.document.yaml import Document, Where, parse_value
+from gearstab.config.document.problems import Code, ConfigError, Path, Problem, nearest, shown
+from gearstab.config.document.tree import Document, Where, document_of, mapping
+from gearstab.config.document.yaml import parse_value
 
 if TYPE_CHECKING:
     from gearstab.config.model.fields import ShortName

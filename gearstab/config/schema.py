@@ -8,7 +8,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from gearstab.config.model.fields import NUMBER
-from gearstab.config.model.introspection import descriptions, field_types, is_model, number_kind, title_of
+from gearstab.config.model.reading import descriptions, field_types, is_model, number_kind, title_of
 from gearstab.config.sections import design
 from gearstab.config.sections.expansion import Range
 from gearstab.config.sections.methods import Methods

@@ -11,7 +11,7 @@ from typing import Any
 
 from gearstab.config.document.problems import nearest
 from gearstab.config.document.tree import mapping, sequence
-from gearstab.config.model.introspection import descriptions, inner_type, is_model
+from gearstab.config.model.reading import descriptions, inner_type, is_model
 from gearstab.config.sections.methods import Methods
 from gearstab.errors import NotPossible
 from gearstab.systems import KINDS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.config.document.yaml import value_at
+from gearstab.config.document.tree import value_at
 from gearstab.config.sections.design import DesignVariable
 from gearstab.design.problem import DesignProblem
 from gearstab.system import Array

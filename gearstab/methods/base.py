@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 from pydantic import Field
 
-from gearstab.config.model.fields import Quantity, Section
+from gearstab.config.model.fields import Section
+from gearstab.config.model.units import Quantity
 from gearstab.results.variables import SIDE, Variable
 from gearstab.support import unsupported
 from gearstab.system import Array, Feature, GearSystem
@@ -17,7 +18,7 @@ from gearstab.system import Array, Feature, GearSystem
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
-    from gearstab.config.document.yaml import Document
+    from gearstab.config.document.tree import Document
     from gearstab.config.model.axes import Axis
     from gearstab.perturbation import Tongue
     from gearstab.systems.base import System

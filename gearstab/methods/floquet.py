@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from gearstab.config.model.fields import Choice, Flag, Quantity, Section, Whole, wrong
+from gearstab.config.model.fields import Choice, Flag, Section, Whole
+from gearstab.config.model.units import Quantity, wrong
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
 from gearstab.methods.certificates import check_certificate

@@ -13,8 +13,9 @@ from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_
 from gearstab.config.document.files import DataFileError, text, usable
 from gearstab.config.model.axes import SPEEDS
 from gearstab.config.model.columns import columns_of
-from gearstab.config.model.fields import Flag, Quantity, Section, wrong
-from gearstab.config.model.validation import validate
+from gearstab.config.model.conflicts import validate
+from gearstab.config.model.fields import Flag, Section
+from gearstab.config.model.units import Quantity, wrong
 from gearstab.methods.base import RANGE, Key, Method, Outcome, Tolerance, WidthFloor
 from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, flagged
 from gearstab.system import Array, Feature
@@ -22,7 +23,7 @@ from gearstab.system import Array, Feature
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
-    from gearstab.config.document.yaml import Document
+    from gearstab.config.document.tree import Document
     from gearstab.config.model.axes import Axis
     from gearstab.propagation.path import Path
 

@@ -7,7 +7,8 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.model.fields import Choice, Flag, NonNegative, Quantity, Section, Whole
+from gearstab.config.model.fields import Choice, Flag, NonNegative, Section, Whole
+from gearstab.config.model.units import Quantity
 from gearstab.connections import Connection, by_part
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance

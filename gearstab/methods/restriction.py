@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from gearstab.config.model.fields import Section, Whole, wrong
+from gearstab.config.model.fields import Section, Whole
+from gearstab.config.model.units import wrong
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError
 from gearstab.system import Array, GearSystem

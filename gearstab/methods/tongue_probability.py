@@ -19,7 +19,7 @@ from gearstab.system import Array, GearSystem
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
-    from gearstab.config.document.yaml import Document
+    from gearstab.config.document.tree import Document
     from gearstab.config.model.axes import Axis
     from gearstab.tolerance.design import SamplingDesign
 

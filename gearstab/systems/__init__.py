@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, get_args
 
 from gearstab.config.model.fields import ShortName
-from gearstab.config.model.introspection import bare, constructed, field_types, is_model, short_name
+from gearstab.config.model.reading import bare, constructed, field_types, is_model, short_name
 from gearstab.lazy import LazyTable
 from gearstab.system import GearSystem
 

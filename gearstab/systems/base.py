@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from pydantic import Field
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, items, plain_number, repeated_names, within, within_each
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section
 from gearstab.config.model.reading import told

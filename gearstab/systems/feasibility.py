@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.yaml import Document, value_at
-from gearstab.config.model.arrays import matrix
-from gearstab.config.model.axes import Array, Grid
+from gearstab.config.document.tree import Document, value_at
+from gearstab.config.model.axes import Array, Grid, matrix
 from gearstab.config.model.conflicts import items
 from gearstab.systems.parts.mesh import build_mesh
 from gearstab.waveforms import WAVEFORMS, Waveform

@@ -9,10 +9,10 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.document.tree import sequence
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document, sequence
 from gearstab.config.model.conflicts import Conflict, wrong_length
-from gearstab.config.model.fields import ExactRatio, Mass, Quantity, Teeth
+from gearstab.config.model.fields import ExactRatio, Mass, Teeth
+from gearstab.config.model.units import Quantity
 from gearstab.connections import MachineElement
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement

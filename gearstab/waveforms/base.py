@@ -7,9 +7,10 @@ from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
-from gearstab.config.document.codes import Code
+from gearstab.config.document.problems import Code
 from gearstab.config.model.conflicts import Conflict
-from gearstab.config.model.fields import Quantity, Section
+from gearstab.config.model.fields import Section
+from gearstab.config.model.units import Quantity
 
 Array = np.ndarray
 

@@ -9,8 +9,7 @@ from pydantic import Field, create_model
 
 from gearstab.config.model.conflicts import Conflict, within
 from gearstab.config.model.fields import Choice
-from gearstab.config.model.introspection import descriptions
-from gearstab.config.model.reading import WRONG
+from gearstab.config.model.reading import WRONG, descriptions
 from gearstab.waveforms import WAVEFORMS, Waveform
 from gearstab.waveforms.base import Keys
 

@@ -10,9 +10,10 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.arrays import vector
+from gearstab.config.model.axes import vector
 from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
-from gearstab.config.model.fields import Choice, NonNegative, Quantity
+from gearstab.config.model.fields import Choice, NonNegative
+from gearstab.config.model.units import Quantity
 from gearstab.waveforms.base import Array, Keys, WrongSample, as_array
 from gearstab.waveforms.phase import stiff_fraction, wrapped
 from gearstab.waveforms.samples import SampleKeys, missing_source, sample_conflicts, wrong_number, wrong_order

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.fields import Quantity
+from gearstab.config.model.units import Quantity
 from gearstab.waveforms.base import Array, Keys, Waveform, as_array
 from gearstab.waveforms.phase import stiff_fraction, wrapped
 

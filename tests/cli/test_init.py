@@ -15,7 +15,7 @@ from scenes import TRAIN, code, ran, written
 import gearstab as gs
 from gearstab.cli import COMMANDS
 from gearstab.config import Config
-from gearstab.config.model.introspection import descriptions, field_types
+from gearstab.config.model.reading import descriptions, field_types
 from gearstab.config.starts import commented, starts
 from gearstab.sweep import plan
 from gearstab.systems import KINDS

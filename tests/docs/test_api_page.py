@@ -12,7 +12,7 @@ import pytest
 from scenes import CONFIGS, DOCS
 
 import gearstab as gs
-from gearstab.config.document.codes import CODES, Code
+from gearstab.config.document.problems import CODES, Code
 
 PAGE = (DOCS / "api.md").read_text()
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.M | re.S)

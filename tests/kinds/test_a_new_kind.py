@@ -14,7 +14,8 @@ import pytest
 from pydantic import Field
 
 from gearstab.config import ConfigError, load
-from gearstab.config.model.fields import Mass, Quantity, ShortName
+from gearstab.config.model.fields import Mass, ShortName
+from gearstab.config.model.units import Quantity
 from gearstab.config.schema import schema
 from gearstab.config.starts import commented
 from gearstab.system import GearSystem

@@ -7,7 +7,7 @@ import numpy as np
 from gearstab.config.checks.plausibility import doubts
 from gearstab.config.configuration import Config
 from gearstab.config.document.problems import Problem
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document
 from gearstab.system import GearSystem
 
 LARGEST_PHASE = 1e14

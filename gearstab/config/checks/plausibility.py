@@ -14,10 +14,9 @@ import numpy as np
 
 from gearstab.config.configuration import Config
 from gearstab.config.document.problems import Path, Problem
-from gearstab.config.document.tree import scalars, sequence, texts
-from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.document.tree import Document, scalars, sequence, texts, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Axis
-from gearstab.config.model.introspection import quantity, type_at
+from gearstab.config.model.reading import quantity, type_at
 from gearstab.config.model.units import to_si
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.system import GearSystem

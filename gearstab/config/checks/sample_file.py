@@ -17,7 +17,7 @@ from gearstab.config.document.files import (
 )
 from gearstab.config.model.axes import Array
 from gearstab.config.model.columns import columns_of, factor
-from gearstab.config.model.fields import Quantity
+from gearstab.config.model.units import Quantity
 from gearstab.waveforms import Waveform
 from gearstab.waveforms.samples import MOST_SAMPLES
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import entries, is_section
-from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.document.tree import Document, entries, is_section, value_at
 from gearstab.config.model.axes import Array, Axis
 from gearstab.config.model.conflicts import plain_number
 from gearstab.waveforms import Sampled, TorqueTable

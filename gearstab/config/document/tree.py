@@ -1,12 +1,28 @@
-"""Plain data as read, of which nothing is known yet: each function gives what is there in one form, whatever it is."""
+"""A document as plain data that remembers where everything stands: read from YAML, or given as data of Python.
+
+Of plain data nothing is known yet: the functions here return what is there in one form, whatever it is.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from fractions import Fraction
+from numbers import Integral, Real
+from pathlib import PurePath
 from typing import Any
 
-from gearstab.config.document.problems import Path
+import numpy as np
+
+from gearstab.config.document.problems import Code, ConfigError, Path, Problem, dotted, shown
+
+NAME = "configuration"
+"""Name of data in messages, in place of a file."""
+NO_CHARACTER = re.compile("[\x00\ud800-\udfff]")
+"""Characters that YAML can write and no file can hold: the end of a text, and halves of characters."""
+DEEPEST = 200
+"""Lists and mappings inside each other, aliases followed."""
 
 
 def mapping(value: Any) -> dict[str, Any]:
@@ -53,3 +69,158 @@ def names_set(name: str, spec: Any) -> set[str]:
     """Return the names of what an entry of ``sweep`` sets, in whichever form: its own, its targets, its cases' keys."""
     cases = [key for case in sequence(spec) for key in mapping(case)]
     return {name, *cases, *(target for target in sequence(mapping(spec).get("targets")) if isinstance(target, str))}
+
+
+@dataclass(frozen=True)
+class Where:
+    """A place the user can go to: a line of a file, or a ``--set`` option (then without a line)."""
+
+    file: str
+    line: int | None = None
+
+
+@dataclass
+class Document:
+    """Plain data, the place of every value and key, and the problems found so far.
+
+    data: nested dicts, lists, numbers, texts, booleans and None; a key is always text.
+    values, keys: path -> place of the value and of its key. A block mapping or list counts as standing at its key.
+    first: the line of what stands nowhere in it, None of data without lines.
+    """
+
+    file: str
+    data: Any = None
+    values: dict[Path, Where] = field(default_factory=dict)
+    keys: dict[Path, Where] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+    first: int | None = 1
+
+    def copy(self) -> Document:
+        """Return a document whose data and places may be changed; its problems are the same list."""
+        return Document(self.file, copied(self.data), dict(self.values), dict(self.keys), self.problems, self.first)
+
+    def where(self, path: Path) -> Where:
+        """The place of the value at a path, or of the innermost one around it that exists."""
+        for length in range(len(path), 0, -1):
+            if path[:length] in self.values:
+                return self.values[path[:length]]
+        return Where(self.file, self.first)
+
+    def get(self, path: Path) -> Any:
+        """The value at a path, None where there is none."""
+        return value_at(self.data, path)
+
+    def problem(
+        self, path: Path, code: Code, message: str, hint: str = "", *, value: Any = None, at_key: bool = False
+    ) -> Problem:
+        """A problem at a path; ``at_key`` when the key is what is wrong."""
+        place = self.keys.get(path) if at_key else None
+        place = place or self.where(path)
+        return Problem(place.file, place.line, dotted(path), shown(value), code, message, hint)
+
+    def report(
+        self, path: Path, code: Code, message: str, hint: str = "", *, value: Any = None, at_key: bool = False
+    ) -> None:
+        """Add a problem at a path, as :meth:`problem` makes it."""
+        self.problems.append(self.problem(path, code, message, hint, value=value, at_key=at_key))
+
+    def put(self, path: Path, value: Any, place: Where) -> None:
+        """Set a value, all parts of which then stand at ``place``; the container of the last key must exist."""
+        for table in (self.values, self.keys):
+            for known in [p for p in table if p[: len(path)] == path]:
+                del table[known]
+        container: Any = self.get(path[:-1])
+        container[path[-1]] = value
+        for inner in paths_below(value, path):
+            self.values[inner] = place
+            self.keys[inner] = place
+
+    def fill(self, path: Path, value: Any, place: Where) -> bool:
+        """Set a value that the mapping around it does not give; tell whether it was set."""
+        container = self.get(path[:-1])
+        missing = isinstance(container, dict) and container.get(str(path[-1])) is None
+        if missing:
+            self.put(path, value, place)
+        return missing
+
+    def move(self, source: Path, target: Path) -> None:
+        """Let everything that stands below ``source`` be found below ``target``; the data is the caller's."""
+        for table in (self.values, self.keys):
+            for known in [p for p in table if p[: len(source)] == source]:
+                table[target + known[len(source) :]] = table[known]
+
+
+def copied(value: Any) -> Any:
+    """Return a copy of nested mappings and lists."""
+    if isinstance(value, dict):
+        return {key: copied(item) for key, item in value.items()}
+    return [copied(item) for item in value] if isinstance(value, list) else value
+
+
+def paths_below(value: Any, path: Path) -> Iterator[Path]:
+    """The path of a value and of everything in it."""
+    yield path
+    for key, item in entries(value):
+        yield from paths_below(item, (*path, key))
+
+
+def value_at(raw: Any, path: Path) -> Any:
+    """The value at a path of nested mappings, lists and arrays; None where there is none."""
+    for part in path:
+        try:
+            raw = raw[part]
+        except (TypeError, LookupError):
+            return None
+    return raw
+
+
+def document_of(data: Mapping[str, Any], name: str = NAME) -> Document:
+    """Return the document that a file with this data would hold. Raises ConfigError for what no file can hold."""
+    document = Document(name, first=None)
+    document.data = plain(document, data, ())
+    if document.problems:
+        raise ConfigError(document.problems)
+    for path in paths_below(document.data, ()):
+        document.values[path] = document.keys[path] = Where(name)
+    return document
+
+
+def plain(document: Document, value: Any, path: Path) -> Any:
+    """Return a value as nested dicts, lists, numbers, texts, booleans and None.
+
+    Arrays (NumPy's and SciPy's sparse ones) become lists, exact fractions and paths texts. What is none of these is
+    reported to the document, and None stands for it.
+    """
+    if len(path) > DEEPEST:
+        document.report((), "nesting", "is nested too deeply", "give flatter data")
+        return None
+    if isinstance(value, Mapping):
+        return {str(key): plain(document, item, (*path, str(key))) for key, item in value.items()}
+    if np.ma.is_masked(value):
+        document.report(path, "wrong_type", "has masked entries, which have no value", "fill them or leave them out")
+        return None
+    if hasattr(value, "toarray"):
+        value = value.toarray()
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(document, item, (*path, k)) for k, item in enumerate(value)]
+    return _scalar(document, value, path)
+
+
+def _scalar(document: Document, value: Any, path: Path) -> Any:
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Fraction | PurePath):
+        return str(value)
+    if isinstance(value, Real):
+        return float(value)
+    if isinstance(value, str):
+        if NO_CHARACTER.search(value):
+            document.report(path, "character", "holds what is no character", "remove it", value=ascii(value))
+        return NO_CHARACTER.sub("", value)
+    hint = "give numbers, texts, lists, mappings or arrays"
+    document.report(path, "wrong_type", f"is of the type {type(value).__name__}", hint, value=str(value))
+    return None

@@ -1,4 +1,4 @@
-"""A YAML document as plain data that remembers where everything stands."""
+"""YAML 1.2, read into documents and written."""
 
 from __future__ import annotations
 
@@ -6,23 +6,18 @@ import math
 import re
 import stat
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
-from gearstab.config.document.codes import Code
 from gearstab.config.document.files import LARGEST_TEXT, NO_REGULAR
-from gearstab.config.document.problems import ConfigError, Path, Problem, dotted, shown
-from gearstab.config.document.tree import entries
+from gearstab.config.document.problems import Code, ConfigError, Path, Problem, dotted
+from gearstab.config.document.tree import DEEPEST, NO_CHARACTER, Document, Where
 
 Node = Any
 """A node of ruamel.yaml's, whose types leave out what its kinds have."""
 
 ESCAPE = re.compile(r"\\U(?!000|0010)[0-9a-fA-F]{8}")
 """One that names no character."""
-NO_CHARACTER = re.compile("[\x00\ud800-\udfff]")
-"""Characters that YAML can write and no file can hold: the end of a text, and halves of characters."""
 TAG = "tag:yaml.org,2002:"
 LONGEST_NUMBER = 400
 """Digits; what has more is beyond double precision anyway, and beyond what Python prints of an integer."""
@@ -30,111 +25,6 @@ MOST_COPIES = 1_000_000
 """Values that the aliases of a document may add to those it writes out."""
 TAGS = ("str", "null", "bool", "int", "float", "timestamp")
 """Tags of scalars; what is no number stays the text it is."""
-DEEPEST = 200
-"""Lists and mappings inside each other, aliases followed."""
-
-
-@dataclass(frozen=True)
-class Where:
-    """A place the user can go to: a line of a file, or a ``--set`` option (then without a line)."""
-
-    file: str
-    line: int | None = None
-
-
-@dataclass
-class Document:
-    """Plain data, the place of every value and key, and the problems found so far.
-
-    data: nested dicts, lists, numbers, texts, booleans and None; a key is always text.
-    values, keys: path -> place of the value and of its key. A block mapping or list counts as standing at its key.
-    first: the line of what stands nowhere in it, None of data without lines.
-    """
-
-    file: str
-    data: Any = None
-    values: dict[Path, Where] = field(default_factory=dict)
-    keys: dict[Path, Where] = field(default_factory=dict)
-    problems: list[Problem] = field(default_factory=list)
-    first: int | None = 1
-
-    def copy(self) -> Document:
-        """Return a document whose data and places may be changed; its problems are the same list."""
-        return Document(self.file, copied(self.data), dict(self.values), dict(self.keys), self.problems, self.first)
-
-    def where(self, path: Path) -> Where:
-        """The place of the value at a path, or of the innermost one around it that exists."""
-        for length in range(len(path), 0, -1):
-            if path[:length] in self.values:
-                return self.values[path[:length]]
-        return Where(self.file, self.first)
-
-    def get(self, path: Path) -> Any:
-        """The value at a path, None where there is none."""
-        return value_at(self.data, path)
-
-    def problem(
-        self, path: Path, code: Code, message: str, hint: str = "", *, value: Any = None, at_key: bool = False
-    ) -> Problem:
-        """A problem at a path; ``at_key`` when the key is what is wrong."""
-        place = self.keys.get(path) if at_key else None
-        place = place or self.where(path)
-        return Problem(place.file, place.line, dotted(path), shown(value), code, message, hint)
-
-    def report(
-        self, path: Path, code: Code, message: str, hint: str = "", *, value: Any = None, at_key: bool = False
-    ) -> None:
-        """Add a problem at a path, as :meth:`problem` makes it."""
-        self.problems.append(self.problem(path, code, message, hint, value=value, at_key=at_key))
-
-    def put(self, path: Path, value: Any, place: Where) -> None:
-        """Set a value, all parts of which then stand at ``place``; the container of the last key must exist."""
-        for table in (self.values, self.keys):
-            for known in [p for p in table if p[: len(path)] == path]:
-                del table[known]
-        container: Any = self.get(path[:-1])
-        container[path[-1]] = value
-        for inner in paths_below(value, path):
-            self.values[inner] = place
-            self.keys[inner] = place
-
-    def fill(self, path: Path, value: Any, place: Where) -> bool:
-        """Set a value that the mapping around it does not give; tell whether it was set."""
-        container = self.get(path[:-1])
-        missing = isinstance(container, dict) and container.get(str(path[-1])) is None
-        if missing:
-            self.put(path, value, place)
-        return missing
-
-    def move(self, source: Path, target: Path) -> None:
-        """Let everything that stands below ``source`` be found below ``target``; the data is the caller's."""
-        for table in (self.values, self.keys):
-            for known in [p for p in table if p[: len(source)] == source]:
-                table[target + known[len(source) :]] = table[known]
-
-
-def copied(value: Any) -> Any:
-    """Return a copy of nested mappings and lists."""
-    if isinstance(value, dict):
-        return {key: copied(item) for key, item in value.items()}
-    return [copied(item) for item in value] if isinstance(value, list) else value
-
-
-def paths_below(value: Any, path: Path) -> Iterator[Path]:
-    """The path of a value and of everything in it."""
-    yield path
-    for key, item in entries(value):
-        yield from paths_below(item, (*path, key))
-
-
-def value_at(raw: Any, path: Path) -> Any:
-    """The value at a path of nested mappings, lists and arrays; None where there is none."""
-    for part in path:
-        try:
-            raw = raw[part]
-        except (TypeError, LookupError):
-            return None
-    return raw
 
 
 def read(path: FilePath) -> Document:

@@ -10,8 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from gearstab.config.document.files import DataFileError
 from gearstab.config.document.problems import shown
-from gearstab.config.model.fields import Quantity
-from gearstab.config.model.units import UnitError, to_si
+from gearstab.config.model.units import Quantity, UnitError, to_si
 
 COUNTS = {2: "two", 3: "three"}
 HEADER = re.compile(r"\s*(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?\s*", re.DOTALL)
@@ -110,7 +109,7 @@ def _is_unit(field: str) -> bool:
     try:
         return bool(unit) and (unit in PLAIN or to_si(f"1 {unit}", ("m",)) is not None)
     except UnitError as error:
-        return error.code != "unknown_unit"
+        return error.type != "unknown_unit"
 
 
 def _are_units(fields: Sequence[str], named: Sequence[str]) -> bool:

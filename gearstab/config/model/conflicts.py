@@ -5,14 +5,28 @@ Rules look at typed sections; :mod:`gearstab.config.model.reading` says what the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from typing import Any, TypeVar, get_args, get_origin
 
-from gearstab.config.document.codes import Code
-from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import entries, is_number
-from gearstab.config.document.yaml import Document
-from gearstab.config.model.reading import WRONG, is_known, known
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
+
+from gearstab.config.document.problems import Code, Path, code_of, nearest
+from gearstab.config.document.tree import Document, entries, is_number
+from gearstab.config.model.fields import Section
+from gearstab.config.model.reading import (
+    WRONG,
+    bare,
+    descriptions,
+    field_types,
+    is_known,
+    is_model,
+    known,
+    number_kind,
+    read,
+    right_name,
+    type_at,
+)
 
 Conflict = tuple[Path, Code, str, str]
 """Path below the section, code, message, remedy."""
@@ -95,3 +109,179 @@ def report(document: Document, path: Path, conflicts: Iterable[Conflict], sectio
     for inner, code, message, hint in known(conflicts):
         if is_known(section, inner):
             document.report((*path, *inner), code, message, hint)
+
+
+CARRIER = "planets on a turning carrier belong to planetary_sets of kind: gearbox, or to kind: planetary"
+INSTEAD_OF_CARRIER = "give planetary_sets: [{name, sun, ring, carrier, held, planets: {count, teeth}}] in a gearbox"
+
+HELICAL = (
+    "helical teeth belong to gears, whose numbers of teeth and modules are known",
+    "give helix_angle, and hand: right or left, to gears or rotors of kind: gearbox, or to gears of kind: planetary",
+)
+BEVEL = ("bevel, hypoid and worm gears are not modelled: axes are parallel", "take kind: matrices")
+MODIFIED = (
+    "profile relief is that of a mesh of kind: gearbox; other modifications of the flanks are not modelled",
+    "give the mesh relief: {tip: {amount: 20 um, length: 2 mm}}, or the stiffness that they leave as waveform: "
+    "{kind: sampled, ..}",
+)
+MISALIGNED = (
+    "misalignment of gears and a load that varies along the face are not modelled",
+    "give the stiffness that they leave as waveform: {kind: sampled, ..} and mean_stiffness",
+)
+TILTING = (
+    "tilting rotors and bending shafts are not modelled: gears move in their plane, and along the axis in gearboxes",
+    "take kind: matrices with the matrices of a finite element program",
+)
+FRICTION = (
+    "dry friction of bearings and seals is not modelled: all damping is viscous",
+    "give damping_ratio, or friction: {coefficient: ..} to a mesh of kind: gearbox for that between teeth",
+)
+STRUCTURAL = (
+    "structural (hysteretic) damping, which depends on no frequency, is not modelled: all damping is viscous",
+    "give damping_ratio: a loss factor of 0.02 is one of 0.01 at resonance",
+)
+HEAT = (
+    "temperatures and lubricant films are not modelled",
+    "change what they change: stiffness, centre distance, damping",
+)
+REVOLVING = (
+    "errors that repeat with a revolution are those of a mesh of two gears of kind: gearbox, and not of planetary sets",
+    "give that mesh revolution_errors: [{gear: NAME, cos: [10 um]}], or remove it",
+)
+NOT_MODELLED = {
+    **dict.fromkeys(("helix_angle", "helix", "hand", "overlap_ratio"), HELICAL),
+    **dict.fromkeys(("cone_angle", "pitch_cone_angle", "shaft_angle", "spiral_angle", "lead_angle"), BEVEL),
+    **dict.fromkeys(("misalignment", "misaligned", "lead_crowning", "face_load_factor"), MISALIGNED),
+    **dict.fromkeys(("tilting_stiffness", "tilt", "diametral_inertia", "bending_stiffness"), TILTING),
+    **dict.fromkeys(("dry_friction", "coulomb_friction", "friction_torque"), FRICTION),
+    **dict.fromkeys(("structural_damping", "hysteretic_damping", "loss_factor"), STRUCTURAL),
+    **dict.fromkeys(("temperature", "lubricant", "film_thickness", "oil_film"), HEAT),
+    **dict.fromkeys(("revolution_errors", "eccentricity", "run_out", "runout", "pitch_error"), REVOLVING),
+    **dict.fromkeys(("relief", "tip_relief", "root_relief", "crowning", "profile_modification"), MODIFIED),
+}
+"""Key -> message and remedy, in every section of a system."""
+PLANETARY = ("planets", "planet", "carrier", "planetary", "stages")
+"""Keys of stages with a carrier, in kinds that have none."""
+
+
+def not_modelled(key: str, kind: object) -> tuple[str, str] | None:
+    """Return message and remedy of an unknown key in a system of a kind; None where it means nothing in particular."""
+    if key in PLANETARY and kind != "planetary":
+        return CARRIER, INSTEAD_OF_CARRIER
+    return NOT_MODELLED.get(key)
+
+
+Model = TypeVar("Model", bound=BaseModel)
+
+SIGNS = {"greater_than": ">", "greater_than_equal": ">=", "less_than": "<", "less_than_equal": "<="}
+SHAPES = {
+    "list_type": ("must be a list", "write [ ... ]"),
+    "tuple_type": ("must be a list", "write [ ... ]"),
+    "model_type": ("must be a mapping", "write keys and values below it, or { ... }"),
+    "dict_type": ("must be a mapping", "write keys and values below it, or { ... }"),
+    "bool_type": ("must be true or false", "write true or false, without quotes"),
+    "string_type": ("must be a text", "put it in quotes"),
+}
+
+
+def validate(document: Document, model: type[Model], path: Path, ignore: Collection[Path] = ()) -> Model | None:
+    """The section at ``path`` as its model, or None after reporting what is wrong with it.
+
+    ignore: paths in the document whose problems are known already.
+    """
+    section, errors = read(model, document.get(path))
+    report_errors(document, errors, model, path, ignore)
+    return None if errors else section
+
+
+def report_errors(
+    document: Document, details: Sequence[ErrorDetails], model: Any, path: Path, ignore: Collection[Path] = ()
+) -> None:
+    """Report every error but those that follow from another one.
+
+    These stand beside an option that does not exist yet, or miss a key that is there but misspelt.
+    """
+    extra = [d["loc"] for d in details if d["type"] == "extra_forbidden"]
+    misspelt = [(*loc[:-1], right_name(str(loc[-1]), type_at(model, loc[:-1]))) for loc in extra]
+    unavailable = [d["loc"] for d in details if d["type"] == "unavailable"]
+    for detail in details:
+        loc = detail["loc"]
+        follows = (_lacks(detail) and loc in misspelt) or any(
+            loc != other and loc[: len(other) - 1] == other[:-1] for other in unavailable
+        )
+        if (*path, *loc) not in ignore and not follows:
+            _report_one(document, detail, model, path)
+
+
+def explain(detail: Any) -> tuple[str, str]:
+    """Message and remedy of an error that concerns a value alone."""
+    kind, context = detail["type"], detail.get("ctx", {})
+    if kind in SIGNS:
+        bound = f"{SIGNS[kind]} {next(iter(context.values())):g}"
+        return f"must be {bound}", f"choose a value {bound}"
+    if kind in SHAPES:
+        return SHAPES[kind]
+    if kind in ("too_short", "too_long"):
+        wanted = context.get("min_length", context.get("max_length"))
+        return (
+            f"has {context['actual_length']} entries",
+            f"give {'at least' if kind == 'too_short' else 'at most'} {wanted}",
+        )
+    return detail["msg"], context.get("hint", "")
+
+
+def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None:
+    loc: Path = detail["loc"]
+    here = (*path, *loc)
+    parent = type_at(model, loc[:-1])
+    if _lacks(detail) and isinstance(loc[-1], int):
+        _wrong_count(document, here[:-1], parent)
+    elif _lacks(detail):
+        description = descriptions(parent).get(str(loc[-1]), "")
+        document.report(here, "missing", "is missing", f"add {loc[-1]}: {description.rstrip('.')}")
+    elif detail["type"] == "extra_forbidden":
+        key = str(loc[-1])
+        if here[0] == "system" and (absent := not_modelled(key, document.get(("system", "kind")))):
+            if absent[0] not in [problem.message for problem in document.problems]:
+                document.report(here, "unavailable", *absent, at_key=True)
+            return
+        # In braces a comma begins the next entry: {start: 0,35} has the keys start and 35.
+        comma = key.isdecimal() and detail["input"] is None
+        hint = "write a decimal point if this follows a decimal comma" if comma else _right_key(key, parent)
+        document.report(here, "unknown_key", "unknown key", hint, at_key=True)
+    elif detail["type"] == "too_long" and get_origin(bare(type_at(model, loc))) is tuple:
+        _wrong_count(document, here, type_at(model, loc))
+    else:
+        message, hint = explain(detail)
+        value = detail["input"]
+        kind = number_kind(type_at(model, loc))
+        if detail["type"] in SIGNS and kind is not None and kind.unit == "rad" and isinstance(value, int | float):
+            hint = f'write "{value:g} deg" if degrees are meant, or {hint} rad'
+        document.report(
+            here,
+            code_of(detail["type"]),
+            message,
+            hint,
+            value=None if isinstance(value, list | dict) and not value else value,
+        )
+
+
+def _lacks(detail: Any) -> bool:
+    """Whether a field is missing, and not what a validator says to be so, which travels in a context."""
+    return detail["type"] == "missing" and not detail.get("ctx")
+
+
+def _wrong_count(document: Document, path: Path, annotation: Any) -> None:
+    count = len(get_args(bare(annotation)))
+    given = len(document.get(path))
+    if not any(p.path == ".".join(map(str, path)) and p.code == "wrong_count" for p in document.problems):
+        document.report(path, "wrong_count", f"has {given} entr{'y' if given == 1 else 'ies'}", f"give exactly {count}")
+
+
+def _right_key(key: str, model: type[BaseModel]) -> str:
+    if issubclass(model, Section) and key in model.misplaced:
+        return model.misplaced[key]
+    sections = [name for name, kind in field_types(model).items() if is_model(kind) and key in kind.model_fields]
+    if len(sections) == 1:
+        return f"it belongs in {sections[0]}: {{{key}: ..}}"
+    return nearest(key, model.model_fields)

@@ -20,19 +20,15 @@ from pydantic import (
     StrictBool,
     WithJsonSchema,
 )
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic_core import core_schema
 
-from gearstab.config.document.codes import Code
 from gearstab.config.document.problems import nearest
 from gearstab.config.document.tree import is_number
-from gearstab.config.model.units import PER_CENT, DimensionError, UnitError, to_si
+from gearstab.config.model.units import Quantity, may_be_number, to_si, wrong
 
 LARGEST_DENOMINATOR = 1000
 """A decimal number is taken for an exact ratio up to this denominator: 0.6 is 3/5, but 0.6667 is hardly 6667/10000."""
 
-LARGEST_NUMBER, SMALLEST_NUMBER = 1e30, 1e-30
-"""Largest number, and least one that has a unit and is not zero. No gear is near them, whatever the system of units,
-and products of ten numbers stay within double precision."""
 LARGEST_RATIO = 10**4
 """Largest ratio of frequencies or tooth numbers; no train has one beyond it, nor beyond its inverse."""
 LARGEST_TERM = 10**9
@@ -42,13 +38,8 @@ LARGEST_TERM = 10**9
 FEWEST_TEETH = 3
 
 
-def wrong(code: Code, message: str, hint: str) -> PydanticCustomError:
-    """An error whose remedy travels in its context."""
-    return PydanticCustomError(code, "{message}", {"message": message, "hint": hint})
-
-
 class Section(BaseModel):
-    """A mapping of a configuration: no unknown keys, unchangeable once read."""
+    """A mapping of a configuration: it has no unknown keys and does not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
@@ -63,76 +54,10 @@ class Section(BaseModel):
             raise KeyError(name) from None
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A finite number; where it is dimensional also a text with a unit, converted to SI, else one with per cent.
-
-    unit: the SI unit, "1" for a dimensionless number. others: further units that it has in other coordinates.
-    turns: whether it is a fraction of a turn, which may be given as an angle or as a text such as "1/3".
-    entry: whether it is one of many, which may be no more than the rounding error of another program.
-    advice: what to give instead of a quantity of the wrong dimension.
-    """
-
-    unit: str = "1"
-    others: tuple[str, ...] = ()
-    turns: bool = False
-    entry: bool = False
-    advice: str = ""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(self.number, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        start = r"^\s*[-+]?[0-9.]"
-        pattern = start if self.units or self.turns else rf"{start}.*({'|'.join(PER_CENT)})\s*$"
-        example = '90 deg" or "1/3' if self.turns else "5 %" if self.unit == "1" else f"2 {self.unit}"
-        text = {"type": "string", "pattern": pattern, "description": f'a number and a unit, such as "{example}"'}
-        return {"anyOf": [handler(schema), text]}
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """All units it may have, none for a dimensionless number."""
-        return () if self.unit == "1" else (self.unit, *self.others)
-
-    def number(self, value: Any) -> float:
-        """The value as a finite float in SI units; raises a pydantic error."""
-        if not _may_be_number(value):
-            article = "is empty" if value is None else "must be a number"
-            raise wrong(
-                "not_a_number" if value is not None else "empty",
-                article,
-                f"write a number in {self.unit}" if self.units else "write a number",
-            )
-        try:
-            result = to_si(value, self.units, self.turns) if isinstance(value, str) else float(value)
-        except UnitError as error:
-            advice = f"; {self.advice}" if self.advice and isinstance(error, DimensionError) else ""
-            raise wrong(error.code, str(error), error.hint + advice) from None
-        except OverflowError:
-            result = math.inf
-        if not math.isfinite(result):
-            raise wrong("not_finite", "must be a finite number", "write a number")
-        if abs(result) > LARGEST_NUMBER:
-            raise wrong("out_of_range", "is larger than of any gear", f"stay below {LARGEST_NUMBER:g}")
-        if 0 < abs(result) < SMALLEST_NUMBER and self.unit not in ("1", "rad") and not self.entry:
-            raise wrong("out_of_range", "is smaller than of any gear", f"stay above {SMALLEST_NUMBER:g}")
-        return result
-
-
-def _may_be_number(value: Any) -> bool:
-    """Whether a value is a number, or a text that may hold one."""
-    return is_number(value) or isinstance(value, str)
-
-
 def _no_comma(value: Any) -> None:
     """Raises a pydantic error for a text with a decimal comma."""
     if isinstance(value, str) and "," in value:
-        try:
-            to_si(value, ())
-        except UnitError as error:
-            raise wrong(error.code, str(error), error.hint) from None
+        to_si(value, ())
 
 
 def _usual_ratio(ratio: Fraction | float) -> None:
@@ -176,7 +101,7 @@ class Ratio:
         _no_comma(value)
         try:
             # The resolved configuration holds it as a text, as it does exact ratios.
-            number = float(value) if _may_be_number(value) else math.nan
+            number = float(value) if may_be_number(value) else math.nan
         except (ValueError, OverflowError):
             number = math.nan
         if not math.isfinite(number):
@@ -186,20 +111,10 @@ class Ratio:
         _usual_ratio(number)
         return number
 
-    def __get_pydantic_json_schema__(
-        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         positive: dict[str, Any] = {} if self.signed else {"exclusiveMinimum": 0}
-        return {
-            "anyOf": [
-                {"type": "number"} | positive,
-                {
-                    "type": "string",
-                    "pattern": (r"^\s*-?" if self.signed else r"^\s*")
-                    + r"[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?\s*(/\s*[0-9]+\s*)?$",
-                },
-            ]
-        }
+        start, digits = r"^\s*-?" if self.signed else r"^\s*", r"[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?\s*(/\s*[0-9]+\s*)?$"
+        return {"anyOf": [{"type": "number"} | positive, {"type": "string", "pattern": start + digits}]}
 
     def fraction(self, value: Any) -> Fraction:
         """The exact ratio; raises a pydantic error."""
@@ -207,7 +122,7 @@ class Ratio:
         if isinstance(value, Fraction):
             return value
         _no_comma(value)
-        if not _may_be_number(value):
+        if not may_be_number(value):
             raise wrong("not_a_number", "must be a ratio", remedy)
         if isinstance(value, str):
             found = re.fullmatch(r"\s*(-?\d{1,12}(?:\.\d{1,12})?)\s*(?:/\s*(\d{1,12})\s*)?", value)
@@ -248,9 +163,7 @@ class Count(Ratio):
             self.fraction, serialization=core_schema.plain_serializer_function_ser_schema(int)
         )
 
-    def __get_pydantic_json_schema__(
-        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"type": "integer", "minimum": FEWEST_TEETH}
 
     def fraction(self, value: Any) -> Fraction:
@@ -275,9 +188,7 @@ class Choice:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(self.choose)
 
-    def __get_pydantic_json_schema__(
-        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"enum": list(self.available)}
 
     def choose(self, value: Any) -> str | int:
@@ -309,9 +220,7 @@ class ShortName:
 class ByCoordinate:
     """Marks a vector over the coordinates, which may be written as a mapping ``{coordinate: value}`` instead."""
 
-    def __get_pydantic_json_schema__(
-        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         plain = handler(schema)
         return {"anyOf": [plain, {"type": "object", "additionalProperties": plain["items"], "minProperties": 1}]}
 

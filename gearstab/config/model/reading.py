@@ -6,15 +6,151 @@ the rule (:class:`SkipRule`): that it is wrong is reported by itself, and nothin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NoReturn, TypeVar, get_origin
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
+from types import NoneType, UnionType
+from typing import Annotated, Any, NoReturn, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from gearstab.config.document.problems import Path, closest
-from gearstab.config.document.yaml import value_at
-from gearstab.config.model.introspection import bare, entry_type, field_types, is_model
+from gearstab.config.document.tree import value_at
+from gearstab.config.model.fields import Choice, Ratio, ShortName
+from gearstab.config.model.units import Quantity
+
+Mark = TypeVar("Mark")
+
+
+@cache
+def field_types(model: type[BaseModel]) -> Mapping[str, Any]:
+    """Field name -> its annotation, with units and constraints, without "or None"."""
+    hints = get_type_hints(model, include_extras=True)
+    return {name: without_none(hints[name]) for name in model.model_fields}
+
+
+def without_none(annotation: Any) -> Any:
+    """``X`` of ``X | None``."""
+    if get_origin(annotation) in (Union, UnionType):
+        return next(a for a in get_args(annotation) if a is not NoneType)
+    return annotation
+
+
+def bare(annotation: Any) -> Any:
+    """``X`` of ``Annotated[X, ...]``."""
+    return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
+
+
+def is_model(annotation: Any) -> bool:
+    """Whether a field holds a mapping with a model of its own."""
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def entry_type(annotation: Any, index: int) -> Any:
+    """The annotation of an entry of a list or tuple; None where there is none."""
+    kind, entries = get_origin(bare(annotation)), get_args(bare(annotation))
+    if kind is list:
+        return entries[0]
+    if kind is tuple and index < len(entries):
+        return entries[index]
+    return None
+
+
+def _marked(annotation: Any, kind: type[Mark]) -> Mark | None:
+    """Return what marks a field, of a kind of marks; None for other fields."""
+    marks = get_args(annotation)[1:] if get_origin(annotation) is Annotated else ()
+    return next((mark for mark in marks if isinstance(mark, kind)), None)
+
+
+def quantity(annotation: Any) -> Quantity | None:
+    """Return the unit and kind of a number that is no exact ratio, None for other fields."""
+    return _marked(annotation, Quantity)
+
+
+def ratio(annotation: Any) -> Ratio | None:
+    """Return the kind of a ratio or count, None for other fields."""
+    return _marked(annotation, Ratio)
+
+
+def number_kind(annotation: Any) -> Quantity | Ratio | None:
+    """Return the kind of number that a field is, None for other fields."""
+    return quantity(annotation) or ratio(annotation)
+
+
+def short_name(annotation: Any) -> ShortName | None:
+    """Return what the name of a field stands for by itself, None for other fields."""
+    return _marked(annotation, ShortName)
+
+
+def axis_choice(annotation: Any) -> Choice | None:
+    """The words that an axis can give a field, None for other fields."""
+    choice = _marked(annotation, Choice)
+    return choice if choice is not None and choice.axis else None
+
+
+def inner_type(annotation: Any, part: str | int) -> Any:
+    """The annotation one key or index further down; None where the model has no such thing."""
+    if is_model(annotation):
+        return field_types(annotation).get(str(part))
+    if get_origin(bare(annotation)) is dict:
+        return get_args(bare(annotation))[1]
+    return entry_type(annotation, part) if isinstance(part, int) else None
+
+
+def type_at(model: type[BaseModel], path: Path) -> Any:
+    """The annotation at a path below a model; None where the model has no such thing."""
+    annotation: Any = model
+    for part in path:
+        annotation = inner_type(annotation, part) if annotation is not None else None
+    return annotation
+
+
+@cache
+def descriptions(model: type[BaseModel]) -> dict[str, str]:
+    """Return what the fields of a section mean: the docstrings that follow them, or descriptions given otherwise.
+
+    Sources are parsed when they are asked for, which is for messages and the schema only.
+    """
+    import ast
+    import inspect
+    from itertools import pairwise
+    from textwrap import dedent
+
+    found: dict[str, str] = {}
+    for part in reversed(model.__mro__):
+        try:
+            own = issubclass(part, BaseModel) and part is not BaseModel
+            source = inspect.getsource(part) if own else ""
+        except OSError:  # made without a source, as sections of all methods are
+            continue
+        for definition in ast.parse(dedent(source)).body:
+            for field, text in pairwise(getattr(definition, "body", ())):
+                said = text.value if isinstance(text, ast.Expr) else None
+                if isinstance(field, ast.AnnAssign) and isinstance(said, ast.Constant):
+                    found[ast.unparse(field.target)] = " ".join(str(said.value).split())
+    described = {name: field.description for name, field in model.model_fields.items() if field.description}
+    return {name: text for name, text in (found | described).items() if name in model.model_fields}
+
+
+def title_of(model: type[BaseModel], name: str) -> str:
+    """Return the title of a field: its name, unless it has another one."""
+    return model.model_fields[name].title or name.replace("_", " ")
+
+
+def held(section: Any) -> dict[str, Any]:
+    """Return what a section holds, by name, without fields that are not given; nothing of None."""
+    return {} if section is None else {key: value for key, value in dict(section).items() if value is not None}
+
+
+def constructed(annotation: Any, value: Any) -> Any:
+    """Return nested plain data as what an annotation declares: sections, lists of them, values taken as they are."""
+    if is_model(annotation) and isinstance(value, Mapping):
+        known = field_types(annotation)
+        return annotation.model_construct(**{key: constructed(known.get(key), item) for key, item in value.items()})
+    if isinstance(value, list | tuple):
+        return [constructed(entry_type(annotation, i), item) for i, item in enumerate(value)]
+    return value
+
 
 Model = TypeVar("Model", bound=BaseModel)
 Item = TypeVar("Item")

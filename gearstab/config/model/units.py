@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from gearstab.config.document.codes import Code
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import PydanticCustomError, core_schema
+
+from gearstab.config.document.problems import Code
+from gearstab.config.document.tree import is_number
 
 if TYPE_CHECKING:
     import pint
@@ -56,16 +61,27 @@ MEANING = {
 """The SI units of the fields and what they measure."""
 
 
-class UnitError(ValueError):
-    """A text is no quantity of the wanted kind; ``hint`` says what would be."""
+LARGEST_NUMBER, SMALLEST_NUMBER = 1e30, 1e-30
+"""Largest number, and least one that has a unit and is not zero. No gear is near them, whatever the system of units,
+and products of ten numbers stay within double precision."""
 
-    def __init__(self, code: Code, message: str, hint: str) -> None:
-        super().__init__(message)
-        self.code, self.hint = code, hint
+UnitError = PydanticCustomError
+"""Error of a text that is no quantity of the kind asked for, as :func:`wrong` makes it."""
 
 
-class DimensionError(UnitError):
-    """The unit is known, and of something else."""
+def wrong(code: Code, message: str, hint: str) -> PydanticCustomError:
+    """An error whose remedy travels in its context."""
+    return PydanticCustomError(code, "{message}", {"message": message, "hint": hint})
+
+
+def hint_of(error: PydanticCustomError) -> str:
+    """Return the remedy of an error."""
+    return str((error.context or {}).get("hint", ""))
+
+
+def may_be_number(value: Any) -> bool:
+    """Whether a value is a number, or a text that may hold one."""
+    return is_number(value) or isinstance(value, str)
 
 
 @cache
@@ -89,12 +105,12 @@ def to_si(text: str, units: tuple[str, ...], turns: bool = False) -> float:
     found = NUMBER.match(text)
     if not found:
         with_unit = f', or one with a unit such as "0.5 {units[0]}"' if units else ""
-        raise UnitError("not_a_number", "must be a number", f"write a number such as 0.5{with_unit}")
+        raise wrong("not_a_number", "must be a number", f"write a number such as 0.5{with_unit}")
     if not (found[2] or units):
-        raise UnitError("not_a_number", "must be a number, not a text", "write it without quotes")
+        raise wrong("not_a_number", "must be a number, not a text", "write it without quotes")
     value, unit = float(found[1]), found[2]
     if not unit:
-        raise UnitError(
+        raise wrong(
             "no_unit",
             "is a text without a unit",
             f'write {found[1]} without quotes, or add a unit: "{found[1]} {units[0]}"',
@@ -108,9 +124,9 @@ def to_si(text: str, units: tuple[str, ...], turns: bool = False) -> float:
     if any(wanted in SPEEDS and quantity.is_compatible_with(wanted) for wanted in units):
         each = "/s" if "rad/s^2" in units else ""
         hint = f'use a unit such as "rad/s{each}", "rpm{each}" or "Hz{each}"'
-        raise UnitError("ambiguous_unit", "does not say whether it counts radians or turns", hint)
+        raise wrong("ambiguous_unit", "does not say whether it counts radians or turns", hint)
     expected = " or ".join(f"{MEANING[u]} in {u}" for u in units)
-    raise DimensionError("wrong_dimension", "has the wrong dimension", f"give {expected}, or another unit of it")
+    raise wrong("wrong_dimension", "has the wrong dimension", f"give {expected}, or another unit of it")
 
 
 def typed_unit(values: Iterable[Any]) -> str:
@@ -126,17 +142,15 @@ def scale(unit: str, si: str) -> float:
 
 
 def _comma(sign: str, whole: str, fraction: str, rest: str) -> UnitError:
-    """Message for a number with commas, of which some may separate thousands."""
+    """Return the error of a number with commas, of which some may separate thousands."""
     if not fraction.isdecimal() or "." in whole:
-        return UnitError(
-            "decimal_comma", "has commas in a number", "use a decimal point, and no separators of thousands"
-        )
+        return wrong("decimal_comma", "has commas in a number", "use a decimal point, and no separators of thousands")
     decimal = f"use a decimal point: {sign}{whole or 0}.{fraction}{rest.rstrip()}"
     if len(fraction) == 3 and whole.strip("0"):
-        return UnitError(
+        return wrong(
             "decimal_comma", "has a decimal comma", f"{decimal}, or {sign}{whole}{fraction} if it separates thousands"
         )
-    return UnitError("decimal_comma", "has a decimal comma", decimal)
+    return wrong("decimal_comma", "has a decimal comma", decimal)
 
 
 def _dimensionless(value: float, unit: str, turns: bool) -> float:
@@ -148,7 +162,7 @@ def _dimensionless(value: float, unit: str, turns: bool) -> float:
     quantity = _quantity(value, unit, hint)
     if turns and quantity.is_compatible_with("rad") and _says_angles(quantity, "rad"):
         return float(quantity.to("rad").magnitude) / (2 * math.pi)
-    raise DimensionError(
+    raise wrong(
         "wrong_dimension", "is dimensionless" + (" but for an angle" if turns else "") + f" and takes no '{unit}'", hint
     )
 
@@ -158,7 +172,7 @@ def _quantity(value: float, unit: str, hint: str) -> Any:
     try:
         return registry.Quantity(value, registry.parse_units(NEWTON_METRE.sub(r"\1 m", unit)))
     except Exception:  # pint lets errors of its tokeniser and its arithmetic through
-        raise UnitError("unknown_unit", f"has the unknown unit '{unit}'", hint) from None
+        raise wrong("unknown_unit", f"has the unknown unit '{unit}'", hint) from None
 
 
 def _says_angles(quantity: Any, wanted: str) -> bool:
@@ -175,3 +189,57 @@ def _turns(quantity: Any, wanted: str) -> float:
         return 1.0
     powers = [power for name, power in quantity.unit_items() if str(name).endswith("hertz")]
     return float((2 * math.pi) ** sum(powers))
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A finite number; where it is dimensional also a text with a unit, converted to SI, else one with per cent.
+
+    unit: the SI unit, "1" for a dimensionless number. others: further units that it has in other coordinates.
+    turns: whether it is a fraction of a turn, which may be given as an angle or as a text such as "1/3".
+    entry: whether it is one of many, which may be no more than the rounding error of another program.
+    advice: what to give instead of a quantity of the wrong dimension.
+    """
+
+    unit: str = "1"
+    others: tuple[str, ...] = ()
+    turns: bool = False
+    entry: bool = False
+    advice: str = ""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self.number, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        start = r"^\s*[-+]?[0-9.]"
+        pattern = start if self.units or self.turns else rf"{start}.*({'|'.join(PER_CENT)})\s*$"
+        example = '90 deg" or "1/3' if self.turns else "5 %" if self.unit == "1" else f"2 {self.unit}"
+        text = {"type": "string", "pattern": pattern, "description": f'a number and a unit, such as "{example}"'}
+        return {"anyOf": [handler(schema), text]}
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """All units it may have, none for a dimensionless number."""
+        return () if self.unit == "1" else (self.unit, *self.others)
+
+    def number(self, value: Any) -> float:
+        """The value as a finite float in SI units; raises a pydantic error."""
+        if not may_be_number(value):
+            article = "is empty" if value is None else "must be a number"
+            remedy = f"write a number in {self.unit}" if self.units else "write a number"
+            raise wrong("empty" if value is None else "not_a_number", article, remedy)
+        try:
+            result = to_si(value, self.units, self.turns) if isinstance(value, str) else float(value)
+        except UnitError as error:
+            if not (self.advice and error.type == "wrong_dimension"):
+                raise
+            raise wrong("wrong_dimension", error.message(), f"{hint_of(error)}; {self.advice}") from None
+        except OverflowError:
+            result = math.inf
+        if not math.isfinite(result):
+            raise wrong("not_finite", "must be a finite number", "write a number")
+        if abs(result) > LARGEST_NUMBER:
+            raise wrong("out_of_range", "is larger than of any gear", f"stay below {LARGEST_NUMBER:g}")
+        if 0 < abs(result) < SMALLEST_NUMBER and self.unit not in ("1", "rad") and not self.entry:
+            raise wrong("out_of_range", "is smaller than of any gear", f"stay above {SMALLEST_NUMBER:g}")
+        return result

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from gearstab.config.document.tree import mapping, names_set
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document, mapping, names_set
 from gearstab.config.model.axes import SPEEDS, Axis
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
 def read_methods(document: Document) -> Methods | None:
     """The methods that a document asks for, none without the section; None after reporting problems."""
-    from gearstab.config.model.validation import validate
+    from gearstab.config.model.conflicts import validate
     from gearstab.config.sections.methods import Methods
     from gearstab.methods import METHODS
 

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 from pydantic_core import PydanticCustomError
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document
 from gearstab.config.model import conflicts
 from gearstab.config.model.axes import SpeedAxis
-from gearstab.config.model.fields import Quantity
+from gearstab.config.model.conflicts import report_errors
 from gearstab.config.model.reading import WRONG, read, told
-from gearstab.config.model.units import typed_unit
-from gearstab.config.model.validation import report_errors
+from gearstab.config.model.units import Quantity, typed_unit
 from gearstab.config.sections.dimensions import check_units
 from gearstab.config.sections.targets import INPUT_SPEED, UNKNOWN_TEETH
 

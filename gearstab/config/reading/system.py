@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from gearstab.config.checks.samples import check_torques, check_variation, waveforms
 from gearstab.config.document.problems import Path, Problem, dotted, nearest
-from gearstab.config.document.tree import sequence
-from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.document.tree import Document, sequence, value_at
 from gearstab.config.model import conflicts
 from gearstab.config.model.axes import Array, Axis, replaced
+from gearstab.config.model.conflicts import report_errors
 from gearstab.config.model.reading import WRONG, read
-from gearstab.config.model.validation import report_errors
 from gearstab.config.sections import sweep
 from gearstab.config.sections.dimensions import check_units, quantity_at
 from gearstab.waveforms import WAVEFORMS

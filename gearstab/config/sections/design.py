@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from gearstab.config.document.codes import code_of
-from gearstab.config.document.problems import Path, dotted, nearest
-from gearstab.config.document.tree import is_number, mapping, sequence
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.problems import Path, code_of, dotted, nearest
+from gearstab.config.document.tree import Document, is_number, mapping, sequence
 from gearstab.config.model.axes import SPEEDS, Axis
+from gearstab.config.model.conflicts import explain
 from gearstab.config.model.fields import NUMBER
-from gearstab.config.model.introspection import quantity
-from gearstab.config.model.validation import explain
+from gearstab.config.model.reading import quantity
 from gearstab.config.sections import design_variables
 from gearstab.config.sections.expansion import expand_list
 from gearstab.config.sections.objectives import OBJECTIVES, QUANTITIES

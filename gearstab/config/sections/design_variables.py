@@ -12,8 +12,8 @@ import numpy as np
 
 from gearstab.config.document import files
 from gearstab.config.document.problems import Path, nearest
-from gearstab.config.document.tree import is_number, mapping, sequence
-from gearstab.config.document.yaml import Document, number
+from gearstab.config.document.tree import Document, is_number, mapping, sequence
+from gearstab.config.document.yaml import number
 from gearstab.config.model.axes import Axis
 from gearstab.config.model.columns import PLAIN, head
 from gearstab.config.model.fields import NUMBER

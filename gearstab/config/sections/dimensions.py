@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 from pydantic_core import PydanticCustomError
 
-from gearstab.config.document.codes import code_of
-from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import texts
-from gearstab.config.document.yaml import Document
-from gearstab.config.model.fields import Quantity
-from gearstab.config.model.introspection import quantity, type_at
-from gearstab.config.model.reading import WRONG, known, told
+from gearstab.config.document.problems import Path, code_of
+from gearstab.config.document.tree import Document, texts
+from gearstab.config.model.reading import WRONG, known, quantity, told, type_at
+from gearstab.config.model.units import Quantity
 
 if TYPE_CHECKING:
     from gearstab.systems.base import System

@@ -11,14 +11,13 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from gearstab.config.document.codes import Code, code_of
-from gearstab.config.document.problems import Path
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.problems import Code, Path, code_of
+from gearstab.config.document.tree import Document
 from gearstab.config.model.axes import Array
+from gearstab.config.model.conflicts import explain, validate
 from gearstab.config.model.fields import AnyNumber, Choice, Section, Whole
-from gearstab.config.model.introspection import axis_choice, number_kind
+from gearstab.config.model.reading import axis_choice, number_kind
 from gearstab.config.model.units import typed_unit
-from gearstab.config.model.validation import explain, validate
 from gearstab.config.sections.targets import Target
 
 LARGEST_AXIS = 100_000_000

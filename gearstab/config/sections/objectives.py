@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from gearstab.config.model.fields import Quantity
+from gearstab.config.model.units import Quantity
 
 NonNegative = Field(ge=0)
 

@@ -12,8 +12,7 @@ import numpy as np
 from pydantic import Field, WithJsonSchema
 
 from gearstab.config.document.problems import Path, Problem, dotted, nearest
-from gearstab.config.document.tree import mapping, sequence
-from gearstab.config.document.yaml import Document, Where, value_at
+from gearstab.config.document.tree import Document, Where, mapping, sequence, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Assignment, Axis
 from gearstab.config.model.fields import NUMBER, AnyNumber, Section
 from gearstab.config.model.reading import WRONG, SkipRule, as_far_as_right

@@ -9,13 +9,14 @@ from typing import Annotated, Any, get_args
 from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
-from gearstab.config.document.codes import Code
-from gearstab.config.document.problems import Path, dotted, nearest
-from gearstab.config.document.yaml import value_at
+from gearstab.config.document.problems import Code, Path, dotted, nearest
+from gearstab.config.document.tree import value_at
 from gearstab.config.model.axes import MESH_FREQUENCY
 from gearstab.config.model.conflicts import items
-from gearstab.config.model.fields import AngularFrequency, Quantity, Ratio, ShortName
-from gearstab.config.model.introspection import (
+from gearstab.config.model.fields import AngularFrequency, Ratio, ShortName
+from gearstab.config.model.reading import (
+    WRONG,
+    SkipRule,
     axis_choice,
     entry_type,
     field_types,
@@ -24,9 +25,10 @@ from gearstab.config.model.introspection import (
     quantity,
     ratio,
     title_of,
+    told,
     type_at,
 )
-from gearstab.config.model.reading import WRONG, SkipRule, told
+from gearstab.config.model.units import Quantity
 from gearstab.config.sections.dimensions import quantity_at
 from gearstab.systems import short_names, short_names_of
 from gearstab.systems.base import System

@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from gearstab.config.document.codes import code_of
-from gearstab.config.document.problems import Path, Problem, dotted
-from gearstab.config.document.tree import mapping, sequence
-from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.document.problems import Path, Problem, code_of, dotted
+from gearstab.config.document.tree import Document, mapping, sequence, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, replaced
-from gearstab.config.model.fields import Quantity
-from gearstab.config.model.introspection import quantity
-from gearstab.config.model.reading import as_far_as_right
+from gearstab.config.model.reading import as_far_as_right, quantity
+from gearstab.config.model.units import Quantity
 from gearstab.config.sections.sweep import BaseValue, is_absent
 from gearstab.config.sections.targets import Target
 from gearstab.tolerance.design import groups_of

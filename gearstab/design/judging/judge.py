@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.document.yaml import value_at
+from gearstab.config.document.tree import value_at
 from gearstab.config.sections.design import Limit
 from gearstab.design.judging.quantities import EXACT, first_order_width, tongue_distance
 from gearstab.design.problem import Batch, DesignProblem

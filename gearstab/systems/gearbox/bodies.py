@@ -19,12 +19,12 @@ from gearstab.config.model.fields import (
     NonNegativeLength,
     Number,
     Positive,
-    Quantity,
     Section,
     Stiffness,
     ToothCount,
     TorsionalStiffness,
 )
+from gearstab.config.model.units import Quantity
 from gearstab.systems.gearbox.rotors import HANDS, moves, slides
 from gearstab.systems.parts.mesh import Named
 

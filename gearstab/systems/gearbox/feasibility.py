@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document
 from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid
 from gearstab.systems.gearbox.teeth import OF_GEAR
 from gearstab.systems.gearbox.train import Train

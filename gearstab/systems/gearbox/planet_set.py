@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.model.introspection import held
+from gearstab.config.model.reading import held
 from gearstab.errors import NotPossible
 from gearstab.rotation import Rotation
 from gearstab.system import Array, Cyclic

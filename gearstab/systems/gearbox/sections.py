@@ -9,17 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from gearstab.config.document.problems import Path, nearest
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, items, within_each
-from gearstab.config.model.fields import (
-    AngularFrequency,
-    Choice,
-    NameText,
-    NonNegative,
-    Quantity,
-    Section,
-)
+from gearstab.config.model.fields import AngularFrequency, Choice, NameText, NonNegative, Section
 from gearstab.config.model.reading import WRONG, known, told
+from gearstab.config.model.units import Quantity
 from gearstab.system import Array, GearSystem
 from gearstab.systems.base import Start, System
 from gearstab.systems.gearbox.bodies import Material, Rotor, Shaft, Teeth

@@ -9,8 +9,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.document.problems import nearest
-from gearstab.config.document.tree import mapping, sequence
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document, mapping, sequence
 from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, within_each, wrong_length
 from gearstab.config.model.fields import (
     Choice,
@@ -21,7 +20,6 @@ from gearstab.config.model.fields import (
     NameText,
     NonNegativeLength,
     Number,
-    Quantity,
     Section,
     ToothCount,
     Turns,
@@ -29,6 +27,7 @@ from gearstab.config.model.fields import (
     also,
 )
 from gearstab.config.model.reading import WRONG, known, told
+from gearstab.config.model.units import Quantity
 from gearstab.systems.gearbox.bodies import Rotor, Support, Teeth
 from gearstab.systems.gearbox.mesh import MEANS, TrainMeshKeys, relief_conflicts
 from gearstab.systems.parts.faults import Fault, fault_conflicts

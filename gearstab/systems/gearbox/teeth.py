@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.model.introspection import held
+from gearstab.config.model.reading import held
 from gearstab.gears.friction import (
     BenedictKelley,
     ConstantFriction,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.model.introspection import held
+from gearstab.config.model.reading import held
 from gearstab.errors import NotPossible
 from gearstab.system import Array
 from gearstab.systems.assembly import Coordinates, Row

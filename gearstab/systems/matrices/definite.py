@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document
 from gearstab.config.model.axes import Array, Grid
-from gearstab.config.model.fields import SMALLEST_NUMBER
+from gearstab.config.model.units import SMALLEST_NUMBER
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
 from gearstab.systems.feasibility import LEVEL_KEYS, Selection, extreme_points, report_matrix
 

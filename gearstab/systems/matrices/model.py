@@ -10,9 +10,8 @@ from pydantic import Field, StrictStr
 
 from gearstab.config.document.files import DataFileError
 from gearstab.config.document.problems import Path, dotted
-from gearstab.config.document.tree import sequence
-from gearstab.config.document.yaml import Document, value_at
-from gearstab.config.model.arrays import matrix, vector
+from gearstab.config.document.tree import Document, sequence, value_at
+from gearstab.config.model.axes import matrix, vector
 from gearstab.config.model.conflicts import (
     Conflict,
     at_most_one,
@@ -21,10 +20,9 @@ from gearstab.config.model.conflicts import (
     within_each,
     wrong_length,
 )
-from gearstab.config.model.fields import NUMBER, ByCoordinate, Choice, NameText, Quantity, also
-from gearstab.config.model.introspection import constructed
-from gearstab.config.model.reading import WRONG, told
-from gearstab.config.model.units import UnitError, to_si
+from gearstab.config.model.fields import NUMBER, ByCoordinate, Choice, NameText, also
+from gearstab.config.model.reading import WRONG, constructed, told
+from gearstab.config.model.units import Quantity, UnitError, to_si
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from gearstab.config.document.problems import Path, nearest
-from gearstab.config.document.tree import sequence
-from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.document.tree import Document, sequence, value_at
 
 SECTIONS = {"meshes": ("direction",), "forces": ("direction",), "terms": ("left", "right")}
 """Lists of the section ``system`` and the vectors of their entries; ``load`` is one by itself."""

@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.arrays import given, matrix, vector
+from gearstab.config.model.axes import given, matrix, vector
 from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
-from gearstab.config.model.fields import NonNegative, Quantity, Section
+from gearstab.config.model.fields import NonNegative, Section
+from gearstab.config.model.units import Quantity
 from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.modal import modal_damping_matrix
 from gearstab.system import Array, GearSystem

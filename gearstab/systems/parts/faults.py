@@ -17,8 +17,9 @@ from pydantic import Field
 
 from gearstab.config.document.problems import nearest
 from gearstab.config.model.conflicts import Conflict, items, within_each
-from gearstab.config.model.fields import Choice, NameText, Quantity, Section, Whole
+from gearstab.config.model.fields import Choice, NameText, Section, Whole
 from gearstab.config.model.reading import WRONG
+from gearstab.config.model.units import Quantity
 from gearstab.mesh import Mesh
 from gearstab.system import Array
 from gearstab.systems.parts.forcing import GearError

@@ -9,18 +9,11 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, GetJsonSchemaHandler
-from pydantic_core import core_schema
 
-from gearstab.config.model.arrays import given, vector
+from gearstab.config.model.axes import given, vector
 from gearstab.config.model.conflicts import Conflict, no_direction
-from gearstab.config.model.fields import (
-    ExactRatio,
-    NameText,
-    Quantity,
-    Section,
-    Turns,
-    Vector,
-)
+from gearstab.config.model.fields import ExactRatio, NameText, Section, Turns, Vector
+from gearstab.config.model.units import Quantity
 from gearstab.mesh import PeriodicForce
 from gearstab.system import GearSystem
 from gearstab.waveforms import Fourier
@@ -40,9 +33,7 @@ class OneAsWell:
 
     only: bool = False
 
-    def __get_pydantic_json_schema__(
-        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         plain = handler(schema)
         return {"anyOf": [plain["items"], plain | ({"minItems": 1, "maxItems": 1} if self.only else {})]}
 

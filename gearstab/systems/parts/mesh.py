@@ -19,14 +19,13 @@ from gearstab.config.model.fields import (
     NameText,
     NonNegative,
     NonNegativeLength,
-    Quantity,
     Section,
     ShortName,
     Stiffness,
     Turns,
 )
-from gearstab.config.model.introspection import descriptions
-from gearstab.config.model.reading import known
+from gearstab.config.model.reading import descriptions, known
+from gearstab.config.model.units import Quantity
 from gearstab.mesh import Mesh
 from gearstab.system import Array
 from gearstab.systems.parts.forcing import TransmissionError

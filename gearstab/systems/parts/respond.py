@@ -16,17 +16,9 @@ from gearstab.config.model.conflicts import (
     items,
     wrong_length,
 )
-from gearstab.config.model.fields import (
-    AngularFrequency,
-    Flag,
-    NonNegative,
-    Quantity,
-    Section,
-    Time,
-    Whole,
-    wrong,
-)
+from gearstab.config.model.fields import AngularFrequency, Flag, NonNegative, Section, Time, Whole
 from gearstab.config.model.reading import WRONG, known, told
+from gearstab.config.model.units import Quantity, wrong
 
 
 class Initial(Section):

@@ -9,17 +9,9 @@ from pydantic import Field
 
 from gearstab.config.model.axes import SpeedAxis
 from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.config.model.fields import (
-    AngularFrequency,
-    Choice,
-    Flag,
-    NonNegative,
-    Quantity,
-    Section,
-    Time,
-    Whole,
-)
+from gearstab.config.model.fields import AngularFrequency, Choice, Flag, NonNegative, Section, Time, Whole
 from gearstab.config.model.reading import known
+from gearstab.config.model.units import Quantity
 
 LENGTHS = ("cycles", "duration", "until")
 """Ways to say how long a response is."""

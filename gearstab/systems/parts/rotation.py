@@ -10,10 +10,11 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.yaml import Document, value_at
-from gearstab.config.model.arrays import matrix
+from gearstab.config.document.tree import Document, value_at
+from gearstab.config.model.axes import matrix
 from gearstab.config.model.conflicts import Conflict, exactly_one, items
-from gearstab.config.model.fields import Quantity, Ratio, Section
+from gearstab.config.model.fields import Ratio, Section
+from gearstab.config.model.units import Quantity
 from gearstab.rotation import Rotation
 from gearstab.systems.feasibility import worst_entry
 from gearstab.systems.matrices.file import OF_ROTATION

@@ -9,18 +9,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.arrays import vector
+from gearstab.config.model.axes import vector
 from gearstab.config.model.conflicts import Conflict, no_direction, within
-from gearstab.config.model.fields import (
-    AnyRatio,
-    ContactRatio,
-    Flag,
-    NameText,
-    Quantity,
-    Section,
-    Turns,
-    Vector,
-)
+from gearstab.config.model.fields import AnyRatio, ContactRatio, Flag, NameText, Section, Turns, Vector
+from gearstab.config.model.units import Quantity
 from gearstab.mesh import PeriodicTerm
 from gearstab.system import Array
 from gearstab.waveforms import Constant, Profile, Scaled

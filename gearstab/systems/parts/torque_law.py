@@ -15,8 +15,9 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict, plain_number
-from gearstab.config.model.fields import AngularFrequency, Quantity, Section
+from gearstab.config.model.fields import AngularFrequency, Section
 from gearstab.config.model.reading import WRONG
+from gearstab.config.model.units import Quantity
 from gearstab.errors import NotPossible
 from gearstab.system import Array
 

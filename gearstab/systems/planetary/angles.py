@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.document.tree import mapping
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document, mapping
 from gearstab.system import Array
 
 ASSEMBLE = "assemble"

@@ -6,7 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gearstab.config.model.fields import Choice, Mass, Quantity, Section, Stiffness, Whole
+from gearstab.config.model.fields import Choice, Mass, Section, Stiffness, Whole
+from gearstab.config.model.units import Quantity
 
 HARMONICS = 12
 """Default of J. Natural frequencies converge as J^-3: of a gear as in Parker (2009, Table 1) with 3 to 8 planets

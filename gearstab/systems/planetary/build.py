@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.model.arrays import vector
-from gearstab.config.model.introspection import held
+from gearstab.config.model.axes import vector
+from gearstab.config.model.reading import held
 from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row
 from gearstab.systems.planetary.angles import angles_of

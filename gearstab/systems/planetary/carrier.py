@@ -10,10 +10,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.config.model.fields import Flag, Quantity, Ratio, Section
+from gearstab.config.model.fields import Flag, Ratio, Section
 from gearstab.config.model.reading import known, told
+from gearstab.config.model.units import Quantity
 from gearstab.rotation import Rotation
 from gearstab.system import Array
 from gearstab.systems.planetary.phasing import Turning

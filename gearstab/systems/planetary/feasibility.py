@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document
 from gearstab.config.model.axes import Grid
 from gearstab.config.model.conflicts import Conflict, plain_number
 from gearstab.systems.planetary.angles import ASSEMBLE, misfit

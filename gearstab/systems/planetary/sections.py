@@ -10,11 +10,11 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, below, within, wrong_length
-from gearstab.config.model.fields import Choice, Count, Flag, Quantity, also
-from gearstab.config.model.introspection import held
-from gearstab.config.model.reading import WRONG, known
+from gearstab.config.model.fields import Choice, Count, Flag, also
+from gearstab.config.model.reading import WRONG, held, known
+from gearstab.config.model.units import Quantity
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.model.introspection import held
+from gearstab.config.model.reading import held
 from gearstab.errors import NotPossible
 from gearstab.gears.planet_set import PlanetSet, closing_shifts, halfway
 from gearstab.system import Array

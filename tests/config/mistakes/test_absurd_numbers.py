@@ -7,7 +7,8 @@ from click.testing import CliRunner
 
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
-from gearstab.config.model.fields import LARGEST_NUMBER, LARGEST_RATIO, SMALLEST_NUMBER
+from gearstab.config.model.fields import LARGEST_RATIO
+from gearstab.config.model.units import LARGEST_NUMBER, SMALLEST_NUMBER
 
 TRAIN = """\
 system:

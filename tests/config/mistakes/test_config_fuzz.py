@@ -21,7 +21,7 @@ from scenes import CONFIGS, CONFIGURATIONS
 from gearstab.cli import group
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.checks.options import check
-from gearstab.config.document.codes import CODES
+from gearstab.config.document.problems import CODES
 from gearstab.config.document.yaml import write
 from gearstab.sweep.plan import plan
 from gearstab.systems import build
