@@ -28,7 +28,7 @@ def command(kind: str | None) -> None:
 
     Without KIND: print the kinds.
     """
-    from gearstab.config.starts import commented, starts
+    from gearstab.config.schema import commented, starts
 
     if kind is None:
         there = starts()

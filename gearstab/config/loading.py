@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from math import prod
 from pathlib import Path as FilePath
@@ -10,19 +12,141 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.config import overrides as override
 from gearstab.config.configuration import Config
-from gearstab.config.document.problems import Code, ConfigError, nearest
-from gearstab.config.document.tree import NAME, Document, document_of
-from gearstab.config.document.yaml import read
-from gearstab.config.overrides import TOP_LEVEL
+from gearstab.config.document.problems import Code, ConfigError, Path, Problem, nearest, shown
+from gearstab.config.document.tree import NAME, Document, Where, document_of, mapping
+from gearstab.config.document.yaml import parse_value, read
 
 if TYPE_CHECKING:
-    from gearstab.config.reading.system import SystemSections
+    from gearstab.config.model.fields import ShortName
     from gearstab.config.sections.methods import Methods
+    from gearstab.config.system import SystemSections
     from gearstab.systems.base import System
+    from gearstab.systems.parts.mesh import ToothMesh
     from gearstab.systems.parts.respond import Respond
     from gearstab.systems.parts.respond_pair import PairRespond
+
+TOP_LEVEL = ("title", "system", "sweep", "methods", "respond", "design")
+"""The sections of a document."""
+
+
+def apply(document: Document, overrides: Sequence[str] | Mapping[str, Any]) -> tuple[str, ...]:
+    """Put the values of overrides where their paths point to; what is wrong with them is reported to the document.
+
+    A path begins at the top of the document or, if its first key is none of the top level, at ``system``; short names
+    mean every mesh that has one. Mappings that do not exist yet are made.
+
+    overrides: ``PATH=VALUE`` texts, or values of Python, arrays among them, by path. Returns them as texts.
+    """
+    if not isinstance(overrides, Mapping):
+        for text in overrides:
+            name, equals, value = text.partition("=")
+            name = name.strip()
+            option = f"--set {name or text}"
+            with _reporting(document):
+                if not equals or not name:
+                    hint = "write for example --set system.damping_ratio=0.02"
+                    raise _wrong(option, "override", "is no PATH=VALUE", hint)
+                _assign(document, name, parse_value(value, option), option)
+        return tuple(overrides)
+    texts = []
+    for name, value in overrides.items():
+        option = f"override {name}"
+        with _reporting(document):
+            given = document_of({name: value}, option).data[name]
+            texts.append(f"{name}={json.dumps(given)}")
+            _assign(document, name, given, option)
+    return tuple(texts)
+
+
+@contextmanager
+def _reporting(document: Document) -> Iterator[None]:
+    """Report a mistake in an override."""
+    try:
+        yield
+    except ConfigError as error:
+        document.problems += error.problems
+
+
+def _assign(document: Document, name: str, value: Any, option: str) -> None:
+    """Put plain data where a name points to. option: what messages call the override."""
+    for path in _places(document, name, option):
+        for length in range(1, len(path)):
+            if document.get(path[:length]) is None:
+                document.put(path[:length], {}, Where(option))
+        document.put(path, value, Where(option))
+
+
+def _wrong(option: str, code: Code, message: str, hint: str, value: Any = None) -> ConfigError:
+    return ConfigError([Problem(option, None, "", shown(value), code, message, hint)])
+
+
+def _places(document: Document, name: str, option: str) -> list[Path]:
+    keys = name.split(".")
+    if not isinstance(document.data, dict):
+        raise _wrong(option, "syntax", "the configuration is no mapping", "write keys and values")
+    if keys[0] in TOP_LEVEL:
+        return [_walk(document, keys, option)]
+    if name == "mesh_frequency":
+        raise _wrong(
+            option, "override", "is no part of the system", "set sweep.mesh_frequency or respond.mesh_frequency"
+        )
+    from gearstab.config.model.reading import read
+    from gearstab.systems import KINDS, short_names
+
+    system, short = mapping(document.get(("system",))), short_names().get(name)
+    kind = system.get("kind")
+    if short is not None and isinstance(kind, str) and kind in KINDS:
+        section = read(KINDS[kind].variant(system), system)[0]
+        if places := list(section.mesh_places()):
+            return _of_meshes(places, name, short, option)
+    return [_walk(document, ["system", *keys], option)]
+
+
+def _of_meshes(places: list[tuple[Path, ToothMesh]], name: str, short: ShortName, option: str) -> list[Path]:
+    from gearstab.systems.parts.mesh import may_have
+
+    found: list[Path] = [("system", *place, name) for place, mesh in places if may_have(name, short, place[-1], mesh)]
+    if not found:
+        remedy = f"the meshes give {short.rival}: set that" if short.rival else "see `gearstab schema`"
+        raise _wrong(option, "unknown_target", f"no mesh has {name}", remedy)
+    return found
+
+
+def _walk(document: Document, keys: list[str], option: str) -> Path:
+    """Keys and indices of a dotted path. Keys of ``sweep`` hold dots themselves: the longest one that exists counts."""
+    path: Path = ()
+    container: Any = document.data
+    while keys:
+        if isinstance(container, list):
+            part: str | int = _index(container, keys.pop(0), option)
+            inner = container[int(part)]
+        elif isinstance(container, dict) or container is None:
+            known = container or {}
+            lengths = [n for n in range(len(keys), 0, -1) if ".".join(keys[:n]) in known]
+            # A new key of a sweep or of a case is the name of a parameter, dots and all.
+            names = len(path) == 1 or (len(path) == 3 and isinstance(path[2], int))
+            new = len(keys) if path[:1] == ("sweep",) and names else 1
+            count = lengths[0] if lengths else new
+            part, keys = ".".join(keys[:count]), keys[count:]
+            inner = known.get(part)
+        else:
+            where = ".".join(map(str, path))
+            raise _wrong(option, "wrong_type", f"{where} is a single value", f"set {where} itself", container)
+        path, container = (*path, part), inner
+    return path
+
+
+def _index(entries: list[Any], key: str, option: str) -> int:
+    if key.isdecimal() and int(key) < len(entries):
+        return int(key)
+    named = [(i, str(entry["name"])) for i, entry in enumerate(entries) if "name" in mapping(entry)]
+    names = [name for _, name in named]
+    if key in names:
+        return named[names.index(key)][0]
+    remedy = nearest(key, names) if names and not key.isdecimal() else f"use an index from 0 to {len(entries) - 1}"
+    raise _wrong(option, "unknown_name", f"there is no entry '{key}'", remedy)
+
 
 WITHIN = {
     "sweep": ", such as sweep: {mesh_frequency: {start: 1, stop: 5, num: 200}}",
@@ -43,7 +167,7 @@ def load(
 
     path: of a file, or what it holds, parsed or as data: then files named in it are relative to the folder of
         ``source``.
-    overrides: ``PATH=VALUE`` texts, see :func:`gearstab.config.overrides.apply`, or values by path.
+    overrides: ``PATH=VALUE`` texts, see :func:`gearstab.config.loading.apply`, or values by path.
     needs: sections that the caller cannot do without, such as ``("sweep", "methods")``.
 
     Raises ConfigError with every problem found.
@@ -60,40 +184,27 @@ def load(
         message = "is empty" if code == "empty" else "must be a mapping"
         document.report((), code, message, "write the sections system, sweep and methods", value=document.data)
         raise ConfigError(document.problems)
-    if isinstance(overrides, Mapping):
-        overrides = override.assign_all(document, overrides)
-    else:
-        for text in overrides:
-            override.apply(document, text)
+    texts = apply(document, overrides)
     _check_top_level(document, needs)
-    from gearstab.config.checks import feasibility
-    from gearstab.config.reading.methods import complete_methods, read_methods, read_uncertainties
-    from gearstab.config.reading.respond import read_respond
-    from gearstab.config.reading.system import find_model, read_system
+    from gearstab.config import plausibility
+    from gearstab.config.sections.methods import fit_methods, read_methods
+    from gearstab.config.system import read_respond, read_system
 
     document = document.copy()  # what was written in short is written out in it
-    model = find_model(document)
-    system = read_system(document, model, source) if model else None
+    system = read_system(document, source)
     methods = read_methods(document)
-    respond = read_respond(document, model, None if system is None else system.section)
-    uncertainties = None
-    if methods is not None and system is not None and system.sound:
-        methods, uncertainties = read_uncertainties(methods, system)
-        methods = complete_methods(document, source, methods, system.axes)
-    if methods is not None and system is not None and system.sound:
-        for name, code, message, hint in system.section.unfit(system.axes, methods.chosen):
-            document.report(("methods", *name), code, message, hint, at_key=True)
-    if document.problems or system is None or methods is None or not system.sound:
+    respond = read_respond(document, None if system is None else system.section)
+    if system is None or methods is None or not system.sound:
         raise ConfigError(document.problems)
-    config = replace(_config(document, source, system, methods, respond), overrides=tuple(overrides))
-    doubts = [*system.doubts, *feasibility.check(document, config)]
-    if document.problems:
-        raise ConfigError(document.problems)
+    methods, uncertainties = fit_methods(document, source, methods, system)
+    document.stop()
+    config = _config(document, source, system, methods, respond, overrides=texts, uncertainties=uncertainties)
+    doubts = [*system.doubts, *plausibility.check(document, config)]
     if uncertainties is not None:
         from gearstab.config.sections import uncertain
 
         doubts += uncertain.doubts(document, uncertainties, config.system, config.axes)
-    return replace(config, doubts=tuple(doubts), uncertainties=uncertainties)
+    return replace(config, doubts=tuple(doubts))
 
 
 def system_with(config: Config, values: Mapping[str, Any]) -> System:
@@ -103,8 +214,8 @@ def system_with(config: Config, values: Mapping[str, Any]) -> System:
 
     Raises ConfigError where a value is wrong, and ValueError for arrays whose shapes do not go together.
     """
-    from gearstab.config.checks import feasibility
-    from gearstab.config.reading.system import find_model, read_system
+    from gearstab.config import plausibility
+    from gearstab.config.system import read_system
 
     arrays = dict(zip(values, np.broadcast_arrays(*values.values()), strict=True))
     shape = next(iter(arrays.values())).shape
@@ -118,18 +229,17 @@ def system_with(config: Config, values: Mapping[str, Any]) -> System:
         rows = enumerate(zip(*columns, strict=True))
         sweep = {"case": [{"label": str(k), **dict(zip(arrays, row, strict=True))} for k, row in rows]}
     document = document_of({"system": config.tree["system"], "sweep": sweep}, "values")
-    model = find_model(document)
-    system = read_system(document, model, config.source) if model else None
-    if document.problems or system is None or not system.sound:
+    system = read_system(document, config.source)
+    if system is None or not system.sound:
         raise ConfigError(document.problems)
+    document.stop()
     found = replace(config, system=system.section, axes=system.axes, respond=None, document=document)
-    feasibility.check(document, found)
-    if document.problems:
-        raise ConfigError(document.problems)
+    plausibility.check(document, found)
     return found.at({axis.name: np.reshape(index, shape) for axis in system.axes})
 
 
 def _check_top_level(document: Document, needs: Sequence[str]) -> None:
+    """Report unknown and missing sections, and a title that is no text."""
     data = document.data
     for key in data:
         if key not in TOP_LEVEL:
@@ -151,8 +261,7 @@ def require(config: Config, *needed: str) -> None:
     """Raise ConfigError for sections that a configuration does not have."""
     document = replace(config.document, problems=[])
     _report_missing(document, needed)
-    if document.problems:
-        raise ConfigError(document.problems)
+    document.stop()
 
 
 def _config(
@@ -161,6 +270,7 @@ def _config(
     system: SystemSections,
     methods: Methods,
     respond: Respond | PairRespond | None,
+    **more: Any,
 ) -> Config:
     title = document.data.get("title") or ("" if document.first is None else source.stem)
     tree: dict[str, Any] = {"title": title, "system": system.plain}
@@ -184,4 +294,5 @@ def _config(
         contents=system.contents,
         document=document,
         design=system.design,
+        **more,
     )

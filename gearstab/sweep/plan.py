@@ -17,8 +17,8 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.config import Axis, Config
-from gearstab.config.checks.options import check
 from gearstab.config.model.axes import MESH_FREQUENCY
+from gearstab.config.sections.methods import check_options
 from gearstab.methods import POINTS, Method, chosen
 from gearstab.sweep import teeth
 from gearstab.sweep.layout import Layout
@@ -136,7 +136,7 @@ def plan(config: Config) -> Plan:
     if not config.axes or not config.methods.chosen:
         raise ValueError("a sweep needs axes and methods")
     base = config.system.build()
-    check(config, base)
+    check_options(config, base)
     fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [MESH_FREQUENCY]), None)
     layouts = tuple(_layout(config, fast, method) for method in chosen(config.methods, base))
     ckernel.check()

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, create_model
 
+from gearstab.config.document.problems import Path
+from gearstab.config.document.tree import entries, is_section
 from gearstab.config.model.conflicts import Conflict, within
 from gearstab.config.model.fields import Choice
 from gearstab.config.model.reading import WRONG, descriptions
@@ -39,6 +41,15 @@ def wave_of(section: WaveformSection | None) -> type[Waveform] | None:
         return None
     kind = "rectangular" if section is None else section.kind
     return WAVEFORMS.get(kind) if isinstance(kind, str) else None
+
+
+def waveforms(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any, type[Waveform] | None]]:
+    """Yield path, section and wave of every section ``waveform`` below a value."""
+    for key, inner in entries(value):
+        if key == "waveform" and is_section(inner):
+            yield (*path, key), inner, wave_of(inner)
+        else:
+            yield from waveforms(inner, (*path, key))
 
 
 def build_waveform(section: WaveformSection | None, contact_ratio: Any) -> Waveform:

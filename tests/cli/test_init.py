@@ -16,7 +16,7 @@ import gearstab as gs
 from gearstab.cli import COMMANDS
 from gearstab.config import Config
 from gearstab.config.model.reading import descriptions, field_types
-from gearstab.config.starts import commented, starts
+from gearstab.config.schema import commented, starts
 from gearstab.sweep import plan
 from gearstab.systems import KINDS
 

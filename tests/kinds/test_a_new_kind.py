@@ -16,8 +16,7 @@ from pydantic import Field
 from gearstab.config import ConfigError, load
 from gearstab.config.model.fields import Mass, ShortName
 from gearstab.config.model.units import Quantity
-from gearstab.config.schema import schema
-from gearstab.config.starts import commented
+from gearstab.config.schema import commented, schema
 from gearstab.system import GearSystem
 from gearstab.systems import KINDS, build
 from gearstab.systems.base import Start, System

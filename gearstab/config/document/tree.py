@@ -124,6 +124,11 @@ class Document:
         """Add a problem at a path, as :meth:`problem` makes it."""
         self.problems.append(self.problem(path, code, message, hint, value=value, at_key=at_key))
 
+    def stop(self) -> None:
+        """Raise ConfigError if there are problems."""
+        if self.problems:
+            raise ConfigError(self.problems)
+
     def put(self, path: Path, value: Any, place: Where) -> None:
         """Set a value, all parts of which then stand at ``place``; the container of the last key must exist."""
         for table in (self.values, self.keys):
@@ -178,8 +183,7 @@ def document_of(data: Mapping[str, Any], name: str = NAME) -> Document:
     """Return the document that a file with this data would hold. Raises ConfigError for what no file can hold."""
     document = Document(name, first=None)
     document.data = plain(document, data, ())
-    if document.problems:
-        raise ConfigError(document.problems)
+    document.stop()
     for path in paths_below(document.data, ()):
         document.values[path] = document.keys[path] = Where(name)
     return document

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
-from pydantic_core import PydanticCustomError
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from gearstab.config.document.problems import Path, code_of
 from gearstab.config.document.tree import Document, texts
+from gearstab.config.model import conflicts
+from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.reading import WRONG, known, quantity, told, type_at
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.units import Quantity, hint_of
 
 if TYPE_CHECKING:
     from gearstab.systems.base import System
@@ -84,15 +86,25 @@ def _rotations(system: Any, path: Path, turning: Sequence[bool] | None, angle: b
             yield int(turning[i]) + also
 
 
-def check_units(
-    document: Document, system: System, top: str, section: type[BaseModel],
-    ignore: Collection[Path] = (),
-) -> set[Path]:  # fmt: skip
-    """Report texts in a section whose unit does not fit the model; returns where they stand.
+def report_all(
+    document: Document, path: Path, model: type[BaseModel], read: tuple[Any, Sequence[ErrorDetails]],
+    rules: Iterable[Conflict], system: System | None, ignore: Collection[Path] = (),
+) -> None:  # fmt: skip
+    """Report what contradicts itself in a section, units that do not fit the system, and values that are wrong.
 
-    top, section: the key of the section and its model. ignore: paths in the document that are left alone.
+    path: of the section, whose model is ``model``. read: the section and its errors. ignore: paths in the document at
+    which values are not those of the section.
     """
-    found: set[Path] = set()
+    section, errors = read
+    conflicts.report(document, path, rules, section)
+    units = set() if system is None else {*_wrong_units(document, system, str(path[0]), model, ignore)}
+    conflicts.report_errors(document, errors, model, path, {*ignore, *units})
+
+
+def _wrong_units(
+    document: Document, system: System, top: str, section: type[BaseModel], ignore: Collection[Path]
+) -> Iterator[Path]:
+    """Report texts in a section whose unit does not fit the system; yield where they stand."""
     for path, text in texts(document.data.get(top)):
         declared = quantity(type_at(section, path))
         place = (top, *path)
@@ -104,7 +116,5 @@ def check_units(
         try:
             wanted.number(text)
         except PydanticCustomError as error:
-            context = error.context or {}
-            document.report(place, code_of(error.type), str(context["message"]), str(context["hint"]), value=text)
-            found.add(place)
-    return found
+            document.report(place, code_of(error.type), error.message(), hint_of(error), value=text)
+            yield place

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, create_model
 
+from gearstab.config.configuration import Config
+from gearstab.config.document.problems import ConfigError
+from gearstab.config.document.tree import Document, mapping, names_set
+from gearstab.config.model.axes import SPEEDS
+from gearstab.config.model.conflicts import validate
 from gearstab.config.model.fields import Section
-from gearstab.methods import METHODS
+from gearstab.methods import METHODS, POINTS, RANGE, Method, OptionError, chosen
+from gearstab.system import GearSystem
+
+if TYPE_CHECKING:
+    from gearstab.config.sections.uncertain import Uncertainties
+    from gearstab.config.system import SystemSections
 
 
 class _Chosen(Section):
@@ -19,11 +30,81 @@ class _Chosen(Section):
         return tuple(name for name in METHODS if getattr(self, name) is not None)
 
 
-def _field(name: str) -> tuple[Any, Any]:
-    options = METHODS[name].Options
-    return options | None, Field(default=None, title=name.replace("_", " "), description=options.__doc__)
-
-
-FIELDS: dict[str, Any] = {name: _field(name) for name in METHODS}
+FIELDS: dict[str, Any] = {
+    name: (method.Options | None, Field(default=None, title=name.replace("_", " "), description=method.Options.__doc__))
+    for name, method in METHODS.items()
+}
 Methods: Any = create_model("Methods", __base__=_Chosen, __doc__=_Chosen.__doc__, **FIELDS)
 """A section with the options of each method, in the order of the table."""
+
+
+def read_methods(document: Document) -> Methods | None:
+    """Read the methods that a document asks for, none without the section; None after reporting problems."""
+    data = document.data
+    if "methods" not in data:
+        return Methods()
+    section, sweep = data["methods"], data.get("sweep")
+    if section is None or section == {}:
+        document.report(("methods",), "missing", "names no method", f"add one of {', '.join(Methods.model_fields)}")
+        return None
+    for name, options in mapping(section).items():
+        if name not in METHODS:
+            continue
+        if options is None:
+            document.put(("methods", name), {}, document.where(("methods", name)))  # `floquet:` asks for it
+        if isinstance(sweep, dict) and not _has_frequency(METHODS[name], options, sweep):
+            remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
+            document.report(("methods", name), "missing", "needs a mesh_frequency axis", remedy, at_key=True)
+    return validate(document, Methods, ("methods",))
+
+
+def _has_frequency(method: type[Method], options: Any, sweep: dict[str, Any]) -> bool:
+    """Whether a method gets the mesh frequencies that it needs. options, sweep: their sections as written."""
+    # The ends of a range are those of an axis; frequencies that come with cases have none.
+    names = set(sweep) if method.frequency == RANGE else set[str]().union(*(names_set(*item) for item in sweep.items()))
+    own = () if method.frequency == RANGE else method.sets(options)
+    return method.frequency is None or not names.union(own).isdisjoint(SPEEDS)
+
+
+def fit_methods(
+    document: Document, source: FilePath, methods: Methods, system: SystemSections
+) -> tuple[Methods, Uncertainties | None]:
+    """Return the methods with what files, axes and units add to their options, and the uncertain parameters.
+
+    Methods that do not fit the system, and a range of mesh frequencies that is none, are reported.
+    """
+    uncertainties = None
+    if methods.tolerance is not None:
+        from gearstab.config.sections import uncertain
+
+        tolerance: Any = methods.tolerance
+        uncertainties, own = uncertain.uncertainties(system.context, tolerance, system.uncertain, system.axes)
+        methods = methods.model_copy(update={"tolerance": tolerance.model_copy(update={"parameters": own})})
+    options = {name: getattr(methods, name) for name in methods.chosen}
+    ranges = [what for name in options if (what := METHODS[name].over_range(options[name]))]
+    full = {name: METHODS[name].completed(own, document, source, system.axes) for name, own in options.items()}
+    for axis in system.axes if ranges else ():
+        if axis.name in SPEEDS and not isinstance(axis.values, list) and axis.span[0] == axis.span[1]:
+            for what in ranges:
+                hint = "give two frequencies or more, or start and stop"
+                document.report(("sweep", axis.name), "no_range", f"is no range, {what}", hint)
+    for path, code, message, hint in system.section.unfit(system.axes, methods.chosen):
+        document.report(("methods", *path), code, message, hint, at_key=True)
+    return methods.model_copy(update=full), uncertainties
+
+
+def check_options(config: Config, base: GearSystem) -> None:
+    """Raise ConfigError where the options of methods do not fit the base system, with one problem a method."""
+    found = []
+    for method in chosen(config.methods, base):
+        try:
+            method.check()
+            # Of others the section itself has been asked; this one needs a speed for this system only.
+            asked = METHODS[method.name].frequency == POINTS
+            if method.frequency == POINTS and not asked and all(a.mesh_frequency is None for a in config.axes):
+                message = "needs a mesh_frequency axis: speeds of rotation follow it"
+                raise OptionError((), message, "add mesh_frequency: {start: .., stop: .., num: ..} to sweep")
+        except OptionError as error:
+            found.append(config.problem(("methods", method.name, *error.path), "option", str(error), error.remedy))
+    if found:
+        raise ConfigError(found)

@@ -136,8 +136,8 @@ def base_values(context: Context, targets: Mapping[str, list[Target]]) -> Iterat
 
 def uncertainties(
     context: Context, section: Any, targets: Mapping[str, list[Target]], axes: Sequence[Axis]
-) -> tuple[Uncertainties, dict[str, Any]] | None:
-    """Return the uncertain parameters and their section in SI units; None after reporting problems.
+) -> tuple[Uncertainties | None, dict[str, Any]]:
+    """Return the uncertain parameters, None after reporting problems, and their section in SI units.
 
     section: the options, validated.
     """
@@ -149,7 +149,7 @@ def uncertainties(
     if section.integrate_speed:
         _report_speed(context, targets, [names[k] for pair in pairs for k in pair])
     if len(context.document.problems) > before or any(own is None for own in found):
-        return None
+        return None, section.parameters
     known = tuple(own for own in found if own is not None)
     plain = {
         own.name: type(section.parameters[own.name])(

@@ -20,9 +20,9 @@ from scenes import CONFIGS, CONFIGURATIONS
 
 from gearstab.cli import group
 from gearstab.config import Config, ConfigError, load
-from gearstab.config.checks.options import check
 from gearstab.config.document.problems import CODES
 from gearstab.config.document.yaml import write
+from gearstab.config.sections.methods import check_options
 from gearstab.sweep.plan import plan
 from gearstab.systems import build
 
@@ -135,12 +135,12 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def read(scene: Path, text: str) -> Config | None:
-    """The configuration as ``gearstab check`` reads it; None where it says what is wrong, in one line a mistake."""
+    """The configuration as ``gearstab check_options`` reads it; None where it says what is wrong, in one line a mistake."""
     scene.write_text(text, encoding="utf-8", newline="")
     try:
         config = load(scene)
         if config.methods.chosen:
-            check(config, build(config.system))
+            check_options(config, build(config.system))
     except ConfigError as error:
         problems = error.problems
     else:

@@ -258,3 +258,42 @@ def _ends_and_number(document: Document, axis: Axis, place: Path) -> Iterator[Pr
         message = f"has three values, the last of which, {count:g}, looks like a number of values"
         remedy = f"for a range write {{start: {start:g}, stop: {stop:g}, num: {count:g}}}"
         yield document.problem(place, "looks_like_range", message, remedy, value=given)
+
+
+LARGEST_PHASE = 1e14
+"""Radians; of larger ones double precision does not hold a hundredth."""
+
+
+def check(document: Document, config: Config) -> list[Problem]:
+    """Report what cannot exist anywhere on the grid, or at the base values where a response asks for them.
+
+    Returns what can, and is hardly what was meant.
+    """
+    config.system.check_feasible(document, config)
+    document.stop()
+    system = config.system.build()
+    _check_phases(document, config, system)
+    document.stop()
+    return doubts(document, config, system)
+
+
+def _check_phases(document: Document, config: Config, system: GearSystem) -> None:
+    """Mesh frequencies so low that phase and decay of a vibration after a period are beyond double precision."""
+    if not system.commensurate:
+        return
+    found = [(("sweep", axis.name), float(np.min(m.values))) for axis in config.axes if (m := axis.mesh_frequency)]
+    if config.respond is not None:
+        key = config.respond.frequency_key
+        found.append((("respond", key), float(getattr(config.respond, key))))
+    factor = np.linalg.inv(np.linalg.cholesky(system.mass))
+    elastic = np.abs(np.linalg.eigvalsh(factor @ system.mean_stiffness_matrix() @ factor.T))
+    viscous = np.abs(np.linalg.eigvals(factor @ system.damping_matrix @ factor.T))
+    fastest = float(max(np.sqrt(elastic.max()), viscous.max()))
+    lowest = 2 * np.pi * float(system.common_period()[0]) * fastest / LARGEST_PHASE
+    for path, frequency in found:
+        if frequency < lowest:
+            message = (
+                f"is too low for double precision at {frequency:.6g}: the fastest vibration or decay, at the rate "
+                f"{fastest:.6g}, does not stand out from rounding over a period"
+            )
+            document.report(path, "impossible", message, f"choose mesh frequencies above {lowest:.2g}")

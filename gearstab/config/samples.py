@@ -1,0 +1,136 @@
+"""Samples of a stiffness over a period from files, CSV or HDF5, and what they exclude."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from gearstab.config.document.files import DataFileError, arrays, numbers, present, text, usable
+from gearstab.config.document.problems import Path, Problem
+from gearstab.config.document.tree import Document, value_at
+from gearstab.config.model.axes import Array, Axis
+from gearstab.config.model.columns import columns_of, factor
+from gearstab.config.model.conflicts import plain_number
+from gearstab.config.model.units import Quantity
+from gearstab.config.sections.dimensions import quantity_at
+from gearstab.waveforms import Sampled, TorqueTable, Waveform
+from gearstab.waveforms.sampled import out_of_table
+from gearstab.waveforms.samples import MOST_SAMPLES
+from gearstab.waveforms.section import waveforms
+
+SUFFIXES = (".csv", ".txt", ".h5", ".hdf5")
+Held = tuple[Path, dict[str, Array], Array]
+"""Place of a waveform below ``system``, what its file adds to it, and the columns of the file."""
+
+
+def read_files(document: Document, system: Any, source: FilePath) -> tuple[dict[Path, Held], list[Problem]]:
+    """Return what the files of waveforms hold, by the place of the waveform, and what is doubtful about them.
+
+    system: its section. source: path of the configuration. What is wrong with the files is reported.
+    """
+    found: dict[Path, Held] = {}
+    doubts: list[Problem] = []
+    for path, section, wave in waveforms(system):
+        name = getattr(section, "file", None)
+        if not isinstance(name, str) or wave is None:
+            continue
+        place = ("system", *path, "file")
+        try:
+            quantities = {key: quantity_at(system, (*path, key), kind) for key, kind in wave.columns.items()}
+            interpolation = section.interpolation if isinstance(section.interpolation, str) else "linear"
+            columns, doubt = read_samples(source.parent / name, wave, interpolation, quantities)
+        except DataFileError as error:
+            document.report(place, "file", str(error), error.hint, value=name)
+            continue
+        found[path] = path, wave.from_file(columns), columns
+        if doubt:
+            doubts.append(document.problem(place, "unusual", doubt, "check the measurement", value=name))
+    return found, doubts
+
+
+def check_samples(document: Document, system: Any, axes: Sequence[Axis]) -> None:
+    """Report variations of constant samples, which no factor makes vary, and torques beyond the table of a file.
+
+    system: its section, with the contents of files.
+    """
+    for path, section, wave in waveforms(system):
+        if wave is Sampled and _constant(section.stiffness):
+            _check_variation(document, system, path, axes)
+        elif wave is TorqueTable and getattr(section, "torques", None) is not None:
+            place: Path = (*path, "torque")
+            items = [(axis, item) for axis in axes for item in axis.assignments if item.path == place]
+            given: list[tuple[Path, Any]] = [(("sweep", axis.name), item.values) for axis, item in items]
+            if not given and section.torque is not None:
+                given = [(("system", *place), section.torque)]
+            for where, values in given:
+                if found := out_of_table(np.asarray(values, dtype=float), section.torques):
+                    document.report(where, "out_of_range", *found, at_key=where[0] == "sweep")
+
+
+def _check_variation(document: Document, system: Any, path: Path, axes: Sequence[Axis]) -> None:
+    swept = [(axis, item) for axis in axes for item in axis.assignments]
+    if any(item.path[: len(path)] == path for _, item in swept):
+        return
+    for key in ("epsilon", "amplitude"):
+        place: Path = (*path[:-1], key)
+        axis = next((axis for axis, item in swept if item.path == place and np.any(np.asarray(item.values) > 0)), None)
+        value = value_at(system, place)
+        message = f"the samples of the stiffness are constant, and no {key} makes them vary"
+        if axis is not None:
+            hint = "remove the axis, or check the samples"
+            document.report(("sweep", axis.name), "not_applicable", message, hint, at_key=True)
+        elif value is not None and np.any(value > 0):
+            where, hint = ("system", *place), "leave it out, or check the samples"
+            document.report(where, "not_applicable", message, hint, value=document.get(where))
+
+
+def _constant(values: Any) -> bool:
+    known = values is not None and len(values) > 1 and all(plain_number(value) is not None for value in values)
+    return known and bool(np.ptp(np.asarray(values, dtype=float)) == 0)
+
+
+def read_samples(
+    path: FilePath, wave: type[Waveform], interpolation: str, quantities: Mapping[str, Quantity]
+) -> tuple[Array, str]:
+    """``(columns, N)``: the columns that the wave takes, phase and stiffness, in some waves also torque, in SI; and
+    what is doubtful about them, "" for nothing.
+
+    A text file has one sample a line, numbers separated by a comma, a semicolon or blanks; empty lines and what follows
+    a # do not count, and the first line may name the columns, with units in brackets. An HDF5 file has a dataset of one
+    dimension for each, and maybe its unit in the attribute ``units``.
+
+    wave, interpolation: which say what samples it takes. quantities: what each column may be.
+    Raises DataFileError, with the line of a text.
+    """
+    usable(path, ".csv or .h5", SUFFIXES)
+    lines = path.suffix.lower() in (".csv", ".txt")
+    places, columns = columns_of(text(path), quantities) if lines else _datasets(path, quantities)
+    table = np.array(columns, dtype=float)
+    rows, phase, doubt = wave.measured(table)
+    table, places = table[:, rows], [places[row] for row in rows]
+    table[list(wave.columns).index("phase")] = phase
+    found = wave.wrong_samples(table.tolist(), interpolation)
+    if found is not None:
+        index, _, message, hint = found
+        raise DataFileError(message if index is None else f"{places[index]}: {message}", hint)
+    return table, doubt
+
+
+def _datasets(path: FilePath, quantities: Mapping[str, Quantity]) -> tuple[list[str], list[list[float]]]:
+    names, units = tuple(quantities), dict[str, str]()
+    found = arrays(path, names, MOST_SAMPLES, units)
+    for name in names:
+        if found.get(name) is None:
+            hint = f"it needs the datasets {', '.join(names[:-1])} and {names[-1]}, and holds {present(found)}"
+            raise DataFileError(f"holds no {name}", hint)
+    columns = [numbers(name, found[name]) for name in names]
+    if columns[0].ndim != 1 or len({column.shape for column in columns}) > 1:
+        shapes = [f"{name} {column.shape}" for name, column in zip(names, columns, strict=True)]
+        message = f"{shapes[0].replace(' ', ' has the shape ', 1)}, {', '.join(shapes[1:])}"
+        raise DataFileError(message, "save one dimension of real numbers, as many of each")
+    factors = [factor(units.get(name, ""), quantities[name], name) for name in names]
+    scaled = [(column * each).tolist() for column, each in zip(columns, factors, strict=True)]
+    return [f"sample {i}" for i in range(len(columns[0]))], scaled
