@@ -69,6 +69,8 @@ FASTEST = 250.0
 ROTARY = re.compile(r"[0-9.]\s*(rpm|rps|revolutions?_per_\w+)\s*\Z")
 MOST_COMPARED = 1_000_000
 """Values of an axis that are compared."""
+LARGEST_PHASE = 1e14
+"""Radians; of larger ones double precision does not hold a hundredth."""
 OUT_OF_PROPORTION = 1e3
 """Ratio of an inertia or mass to that of a disc as large as the gear."""
 
@@ -258,10 +260,6 @@ def _ends_and_number(document: Document, axis: Axis, place: Path) -> Iterator[Pr
         message = f"has three values, the last of which, {count:g}, looks like a number of values"
         remedy = f"for a range write {{start: {start:g}, stop: {stop:g}, num: {count:g}}}"
         yield document.problem(place, "looks_like_range", message, remedy, value=given)
-
-
-LARGEST_PHASE = 1e14
-"""Radians; of larger ones double precision does not hold a hundredth."""
 
 
 def check(document: Document, config: Config) -> list[Problem]:

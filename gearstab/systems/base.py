@@ -11,7 +11,7 @@ from pydantic import Field
 from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, items, plain_number, repeated_names, within, within_each
-from gearstab.config.model.fields import Choice, Flag, NonNegative, Section
+from gearstab.config.model.fields import Choice, Flag, NonNegative, Section, optional
 from gearstab.config.model.reading import told
 from gearstab.systems import feasibility
 from gearstab.systems.parts.damping import Damping
@@ -56,7 +56,7 @@ class System(Section):
     start: ClassVar[Start | None] = None
     """Text that ``gearstab init`` prints; a kind without one is not offered there."""
 
-    damping_ratio: NonNegative | None = Field(default=None, title="modal damping ratio")
+    damping_ratio: NonNegative | None = optional("modal damping ratio")
     """Damping ratio of every mode of the mean system (1); or give damping."""
     damping: Damping | None = None
     """Other forms of damping; or give damping_ratio."""
@@ -166,12 +166,8 @@ class System(Section):
         swept = any(item.path[-1] == "backlash" for axis in axes for item in axis.assignments)
         given = any(mesh.backlash for _, mesh in self.mesh_places())
         if swept and not given and "response" in methods:
-            yield (
-                ("response",),
-                "not_applicable",
-                "an axis sets backlash where no mesh has any",
-                "give the mesh backlash in system too",
-            )
+            hint = "give the mesh backlash in system too"
+            yield ("response",), "not_applicable", "an axis sets backlash where no mesh has any", hint
 
     def conflicts(self) -> Iterator[Conflict]:
         """Yield the contradictions in the section."""

@@ -12,7 +12,7 @@ from pydantic import Field
 from gearstab import rotating_pair
 from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
-from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Teeth, TorsionalStiffness
+from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Teeth, TorsionalStiffness, optional
 from gearstab.config.model.reading import known
 from gearstab.config.model.units import Quantity
 from gearstab.mesh import Mesh as MeshOfSystem
@@ -70,7 +70,7 @@ class GearPair(System):
     """Exactly one tooth mesh, such as [{mean_stiffness: 2e8, epsilon: 0.2, contact_ratio: 1.6}]."""
     load: LoadOfOne | None = None
     """The static force along the line of action (N)."""
-    teeth: tuple[Teeth, Teeth] | None = Field(default=None, title="numbers of teeth")
+    teeth: tuple[Teeth, Teeth] | None = optional("numbers of teeth")
     """[N1, N2], for input_speed alone: that of the first gear, which drives."""
 
     def size(self) -> int:
@@ -131,8 +131,8 @@ class RotatingGearPair(System):
     """[I1, I2] (kg m^2)."""
     torsional_stiffness: tuple[TorsionalStiffness, TorsionalStiffness] = Field(title="torsional mesh stiffness")
     """[k1, k2] with one and with two pairs of teeth in contact; the strain energy is k phi^2 (N m)."""
-    single_contact_angle: Annotated[float, Field(gt=0, lt=tau), Quantity("rad")] | None = Field(
-        default=None, title="angle of single contact"
+    single_contact_angle: Annotated[float, Field(gt=0, lt=tau), Quantity("rad")] | None = optional(
+        "angle of single contact"
     )
     """Part of the 2 pi of a mesh cycle in theta, from its beginning on (rad); or give contact_ratio."""
     contact_ratio: Annotated[float, Field(gt=1, lt=2), Quantity()] | None = None
@@ -143,7 +143,7 @@ class RotatingGearPair(System):
     """zeta, of w0 = sqrt(M2 (k1 + k2)/2); it acts on phi' in both equations (1)."""
     module: Length | None = None
     """For mesh forces on the pitch circles in newtons (m); or give radii."""
-    radii: tuple[Length, Length] | None = Field(default=None, title="radius")
+    radii: tuple[Length, Length] | None = optional("radius")
     """[r1, r2] of the circles on which mesh forces act, in the ratio of the teeth (m); or give module."""
 
     def size(self) -> int:

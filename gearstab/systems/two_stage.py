@@ -11,7 +11,7 @@ from pydantic import Field
 
 from gearstab.config.document.tree import Document, sequence
 from gearstab.config.model.conflicts import Conflict, wrong_length
-from gearstab.config.model.fields import ExactRatio, Mass, Teeth
+from gearstab.config.model.fields import ExactRatio, Mass, Teeth, optional
 from gearstab.config.model.units import Quantity
 from gearstab.connections import MachineElement
 from gearstab.system import Array, GearSystem
@@ -51,7 +51,7 @@ class TwoStage(System):
     tooth_ratio: ExactRatio = Fraction(1)
     """R = Z2/Z4 = Omega_1/Omega_2, exact: 1 (three gears; the default), 0.6 or "3/5"; from teeth where they are given.
 """
-    teeth: tuple[Teeth, Teeth, Teeth, Teeth] | None = Field(default=None, title="numbers of teeth")
+    teeth: tuple[Teeth, Teeth, Teeth, Teeth] | None = optional("numbers of teeth")
     """[Z1, Z2, Z4, Z3] along the train: the input gear, both gears of the middle shaft (of three gears the same number
     twice), the output gear. For tooth_ratio and input_speed."""
     meshes: tuple[NamedToothMesh, SecondMesh]

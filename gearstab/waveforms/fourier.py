@@ -11,7 +11,7 @@ from pydantic import Field
 
 from gearstab.config.model.axes import vector
 from gearstab.config.model.conflicts import Conflict
-from gearstab.config.model.fields import Number
+from gearstab.config.model.fields import Number, optional
 from gearstab.waveforms.base import Array, Keys, Waveform
 from gearstab.waveforms.phase import wrapped
 
@@ -24,13 +24,9 @@ NEGLIGIBLE = 1e-15
 class FourierKeys(Keys):
     """Coefficients of the series."""
 
-    sin: Annotated[list[Number], Field(max_length=MOST_HARMONICS)] | None = Field(
-        default=None, title="sine coefficients"
-    )
+    sin: Annotated[list[Number], Field(max_length=MOST_HARMONICS)] | None = optional("sine coefficients")
     """fourier: a_s of sin s x, s = 1, 2, ..., x = Omega_i t - 2 pi lag (1)."""
-    cos: Annotated[list[Number], Field(max_length=MOST_HARMONICS)] | None = Field(
-        default=None, title="cosine coefficients"
-    )
+    cos: Annotated[list[Number], Field(max_length=MOST_HARMONICS)] | None = optional("cosine coefficients")
     """fourier: b_s of cos s x, s = 1, 2, ... (1)."""
 
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, StrictStr
+from pydantic import BeforeValidator, StrictStr
 
 from gearstab.config.model.conflicts import Conflict
-from gearstab.config.model.fields import Choice
+from gearstab.config.model.fields import Choice, optional
 from gearstab.config.model.reading import WRONG
 from gearstab.waveforms.base import POSITION, SAMPLED, Array, Keys, Waveform, WrongSample
 
@@ -31,7 +31,7 @@ Position = Annotated[float, BeforeValidator(POSITION.number)]
 class FileKeys(Keys):
     """Samples in a file, and what is between them."""
 
-    file: StrictStr | None = Field(default=None, title="file of samples")
+    file: StrictStr | None = optional("file of samples")
     """sampled, pair: a .csv or .h5 file of phase and stiffness, relative to the configuration; table: of torque, phase
     and stiffness."""
     interpolation: Annotated[str, Choice("interpolation", ("linear", "cubic"))] | None = None
@@ -41,9 +41,9 @@ class FileKeys(Keys):
 class SampleKeys(FileKeys):
     """Samples, in the section or in a file."""
 
-    phase: list[Position] | None = Field(default=None, title="phases of the samples")
+    phase: list[Position] | None = optional("phases of the samples")
     """sampled: in [0, 1), ascending; pair: from 0 to 1 along the contact of one pair (1)."""
-    stiffness: list[Annotated[float, SAMPLED]] | None = Field(default=None, title="sampled stiffness")
+    stiffness: list[Annotated[float, SAMPLED]] | None = optional("sampled stiffness")
     """sampled, pair: one value per phase (N/m)."""
 
 

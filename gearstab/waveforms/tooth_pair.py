@@ -12,7 +12,7 @@ from pydantic import Field
 
 from gearstab.config.model.axes import vector
 from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
-from gearstab.config.model.fields import Choice, NonNegative
+from gearstab.config.model.fields import Choice, NonNegative, optional
 from gearstab.config.model.units import Quantity
 from gearstab.waveforms.base import Array, Keys, WrongSample, as_array
 from gearstab.waveforms.phase import stiff_fraction, wrapped
@@ -27,15 +27,11 @@ PARABOLA_ENDS = 0.55
 class ShapeKeys(Keys):
     """The stiffness of one pair along its contact, as a formula."""
 
-    shape: Annotated[str, Choice("shape", ("constant", "parabolic"))] | None = Field(
-        default=None, title="shape of a pair's stiffness"
-    )
+    shape: Annotated[str, Choice("shape", ("constant", "parabolic"))] | None = optional("shape of a pair's stiffness")
     """pair: along the contact of one pair, constant or parabolic; or give file, or stiffness."""
-    ends: NonNegative | None = Field(default=None, title="stiffness at the ends of contact")
+    ends: NonNegative | None = optional("stiffness at the ends of contact")
     """pair: of a parabolic shape, over that in the middle (1); 0.55 without (Cai & Hayashi 1994)."""
-    pair_stiffness: Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))] | None = Field(
-        default=None, title="stiffness of one pair"
-    )
+    pair_stiffness: Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))] | None = optional("stiffness of one pair")
     """pair: in the middle of its contact (N/m); the mesh then needs no mean_stiffness."""
 
 
@@ -82,12 +78,8 @@ class ToothPair(OfStiffness):
         if section.shape is not None:
             for key in ("phase", "interpolation"):
                 if section[key] is not None:
-                    yield (
-                        (key,),
-                        "not_applicable",
-                        "belongs to sampled stiffness",
-                        "remove it, or give stiffness instead of shape",
-                    )
+                    hint = "remove it, or give stiffness instead of shape"
+                    yield (key,), "not_applicable", "belongs to sampled stiffness", hint
         else:
             yield from at_most_one(section, ("pair_stiffness", "file", "stiffness"))
         yield from sample_conflicts(cls, section)

@@ -225,6 +225,11 @@ class ByCoordinate:
         return {"anyOf": [plain, {"type": "object", "additionalProperties": plain["items"], "minProperties": 1}]}
 
 
+def optional(title: str, **more: Any) -> Any:
+    """Return a field that may be left out, with a title other than its name."""
+    return Field(default=None, title=title, **more)
+
+
 def also(form: dict[str, Any]) -> Callable[[dict[str, Any]], None]:
     """Return what lets the schema of a field admit a further form, which ``complete`` of a system writes out."""
 

@@ -182,12 +182,8 @@ def _ranges(context: Context, spec: Any) -> Iterator[SpeedRange]:
             yield found
     kinds = {key for _, item in _each(path, spec) for key in mapping(item) if key in SPEEDS}
     if len(kinds) > 1:
-        document.report(
-            path,
-            "needs_other",
-            "some ranges are of mesh_frequency and some of input_speed",
-            "use one of the two for all",
-        )
+        hint = "use one of the two for all"
+        document.report(path, "needs_other", "some ranges are of mesh_frequency and some of input_speed", hint)
 
 
 def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
@@ -195,9 +191,8 @@ def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
     named = [key for key in SPEEDS if key in mapping(item)]
     if len(named) != 1:
         hint = f"write {KEYS['range']}, or input_speed with speeds of the input"
-        document.report(
-            path, "missing", "must give one of mesh_frequency, input_speed", hint, value=None if named else item
-        )
+        message = "must give one of mesh_frequency, input_speed"
+        document.report(path, "missing", message, hint, value=None if named else item)
         return None
     for key in item:
         if key not in (*SPEEDS, "weight"):
@@ -206,9 +201,8 @@ def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
     weight = _positive(document, (*path, "weight"), item["weight"]) if "weight" in item else 1.0
     targets = context.resolve(of, (*path, of))
     if len(sequence(ends)) != 2:
-        document.report(
-            (*path, of), "wrong_type", "must be the lowest and the highest speed", "write [low, high]", value=ends
-        )
+        hint = "write [low, high]"
+        document.report((*path, of), "wrong_type", "must be the lowest and the highest speed", hint, value=ends)
         return None
     if not targets:
         return None
@@ -255,9 +249,8 @@ def _objective(document: Document, path: Path, item: Any) -> dict[str, float]:
     for name, weight in weights.items():
         place = (*path, name) if weights is item else path
         if name not in OBJECTIVES:
-            document.report(
-                place, "unknown_name", f"'{name}' is no objective", nearest(str(name), OBJECTIVES), at_key=True
-            )
+            hint = nearest(str(name), OBJECTIVES)
+            document.report(place, "unknown_name", f"'{name}' is no objective", hint, at_key=True)
             continue
         number = _positive(document, place, weight)
         if number is not None:
@@ -292,9 +285,8 @@ def _limit(context: Context, path: Path, name: str, ends: Any) -> Limit | None:
         if not targets:
             return None
         if targets[0].exact and not targets[0].counted:
-            document.report(
-                path, "no_range", "is no number that has limits", "give the choices in variables", at_key=True
-            )
+            hint = "give the choices in variables"
+            document.report(path, "no_range", "is no number that has limits", hint, at_key=True)
             return None
         units, adapter = targets[0].unit, TypeAdapter(targets[0].plain)
     values = {"min": -np.inf, "max": np.inf}

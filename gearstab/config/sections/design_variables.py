@@ -37,9 +37,8 @@ def layouts(context: Context) -> Iterator[UnresolvedAxis]:
     document = context.document
     section = mapping(document.get(PLACE))
     if not section:
-        document.report(
-            PLACE, "wrong_type", "must be a mapping", "write a path and its bounds, such as epsilon: [0.1, 0.3]"
-        )
+        hint = "write a path and its bounds, such as epsilon: [0.1, 0.3]"
+        document.report(PLACE, "wrong_type", "must be a mapping", hint)
         return
     found = [layout for name in section if (layout := _layout(context, name)) is not None]
     report_rivals(document, found)
@@ -63,30 +62,22 @@ def check(document: Document, axis: Axis, form: str) -> None:
         texts = [tuple(repr(item.values[k]) for item in axis.assignments) for k in range(axis.size)]
         twice = next((k for k, text in enumerate(texts) if text in texts[:k]), None)
         if twice is not None:
-            document.report(
-                (*path, form), "equal_values", f"choice {twice + 1} stands there twice", "give every choice once"
-            )
+            hint = "give every choice once"
+            document.report((*path, form), "equal_values", f"choice {twice + 1} stands there twice", hint)
         return
     if any(item.structural for item in axis.assignments):
-        document.report(
-            path, "no_range", "is exact or a word and has no bounds", "give {integers: [low, high]} or {values: [..]}"
-        )
+        hint = "give {integers: [low, high]} or {values: [..]}"
+        document.report(path, "no_range", "is exact or a word and has no bounds", hint)
     elif not axis.values[0] < axis.values[1]:
-        document.report(
-            path,
-            "wrong_order",
-            "has no room between its bounds",
-            "give the lower bound first",
-            value=document.get(path),
-        )
+        hint = "give the lower bound first"
+        document.report(path, "wrong_order", "has no room between its bounds", hint, value=document.get(path))
 
 
 def _layout(context: Context, name: str) -> UnresolvedAxis | None:
     document, path = context.document, (*PLACE, name)
     if name in (MESH_FREQUENCY[0], INPUT_SPEED):
-        document.report(
-            path, "not_applicable", "is what the range is of, and no variable", "give it in design.range", at_key=True
-        )
+        hint = "give it in design.range"
+        document.report(path, "not_applicable", "is what the range is of, and no variable", hint, at_key=True)
         return None
     spec = document.get(path)
     if isinstance(spec, list):
@@ -103,9 +94,8 @@ def _layout(context: Context, name: str) -> UnresolvedAxis | None:
         return None if items is None else _of_values(context, name, (*path, form), items)
     if form == "values":
         if not sequence(given):
-            document.report(
-                (*path, form), "wrong_type", "must be a list of values", "write values: [1.2, 1.4]", value=given
-            )
+            hint = "write values: [1.2, 1.4]"
+            document.report((*path, form), "wrong_type", "must be a list of values", hint, value=given)
             return None
         return _of_values(context, name, (*path, form), given)
     entries = given if form == "choices" else _catalogue(document, path, given)
@@ -114,9 +104,8 @@ def _layout(context: Context, name: str) -> UnresolvedAxis | None:
 
 def _of_bounds(context: Context, name: str, path: Path, spec: list[Any]) -> UnresolvedAxis | None:
     if len(spec) != 2:
-        context.document.report(
-            path, "wrong_type", "must be the lower and the upper bound", "write [low, high]", value=spec
-        )
+        hint = "write [low, high]"
+        context.document.report(path, "wrong_type", "must be the lower and the upper bound", hint, value=spec)
         return None
     targets = context.resolve(name, path)
     if not targets:
@@ -146,9 +135,8 @@ def _integers(document: Document, path: Path, ends: Any) -> list[int] | None:
     """All integers between two, both included."""
     whole = all(is_number(value) and value % 1 == 0 for value in sequence(ends))
     if len(sequence(ends)) != 2 or not whole or not ends[0] <= ends[1]:
-        document.report(
-            path, "wrong_type", "must be the lowest and the highest integer", "write integers: [17, 40]", value=ends
-        )
+        hint = "write integers: [17, 40]"
+        document.report(path, "wrong_type", "must be the lowest and the highest integer", hint, value=ends)
         return None
     if ends[1] - ends[0] >= MOST_CHOICES:
         document.report(path, "too_large", f"gives more than {MOST_CHOICES:,} choices", "narrow the range", value=ends)
@@ -159,9 +147,8 @@ def _integers(document: Document, path: Path, ends: Any) -> list[int] | None:
 def _of_choices(context: Context, name: str, path: Path, entries: Any) -> UnresolvedAxis | None:
     document = context.document
     if not sequence(entries) or not all(isinstance(entry, dict) for entry in entries):
-        document.report(
-            path, "wrong_type", "must be a list of mappings", "write choices: [{path: value}, ..]", value=entries
-        )
+        hint = "write choices: [{path: value}, ..]"
+        document.report(path, "wrong_type", "must be a list of mappings", hint, value=entries)
         return None
     found: UnresolvedAxis = cases(context, name, path, entries)
     return found

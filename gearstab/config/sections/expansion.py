@@ -15,7 +15,7 @@ from gearstab.config.document.problems import Code, Path, code_of
 from gearstab.config.document.tree import Document
 from gearstab.config.model.axes import Array
 from gearstab.config.model.conflicts import explain, validate
-from gearstab.config.model.fields import AnyNumber, Choice, Section, Whole
+from gearstab.config.model.fields import AnyNumber, Choice, Section, Whole, optional
 from gearstab.config.model.reading import axis_choice, number_kind
 from gearstab.config.model.units import typed_unit
 from gearstab.config.sections.targets import Target
@@ -36,7 +36,7 @@ class Range(Section):
     """The first value."""
     stop: AnyNumber
     """The last value."""
-    num: Count | None = Field(default=None, title="number of values")
+    num: Count | None = optional("number of values")
     """How many values; or give step."""
     step: AnyNumber | None = None
     """From value to value; the stop is included when a step hits it. Or give num."""
@@ -80,9 +80,8 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
             if words is None
             else f"give a list of {', '.join(map(str, words.available))}"
         )
-        document.report(
-            path, "no_range", f"{target.title} {'is exact and ' if words is None else ''}has no range", remedy
-        )
+        message = f"{target.title} {'is exact and ' if words is None else ''}has no range"
+        document.report(path, "no_range", message, remedy)
         return FAILED
     given = validate(document, Range, path)
     ends = {name: _number(document, path, name, target, ranged=name != "step") for name in ("start", "stop", "step")}
@@ -156,13 +155,8 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
         return Expansion(np.linspace(start, stop, num) if values is None else values, spec, (start, stop))
     for name, value in (("start", start), ("stop", stop)):
         if value <= 0:
-            document.report(
-                (*path, name),
-                "out_of_range",
-                "must be > 0 with log spacing",
-                "choose a value > 0, or spacing: linear",
-                value=value,
-            )
+            hint = "choose a value > 0, or spacing: linear"
+            document.report((*path, name), "out_of_range", "must be > 0 with log spacing", hint, value=value)
             return FAILED
     return Expansion(np.geomspace(start, stop, given.num or 1), spec | {"spacing": "log"}, (start, stop))
 

@@ -14,7 +14,7 @@ from pydantic import Field, WithJsonSchema
 from gearstab.config.document.problems import Path, Problem, dotted, nearest
 from gearstab.config.document.tree import Document, Where, mapping, sequence, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Assignment, Axis
-from gearstab.config.model.fields import NUMBER, AnyNumber, Section
+from gearstab.config.model.fields import NUMBER, AnyNumber, Section, optional
 from gearstab.config.model.reading import WRONG, SkipRule, as_far_as_right
 from gearstab.config.sections.expansion import (
     Count,
@@ -53,7 +53,7 @@ class Tie(Section):
     """The first value, of all targets."""
     stop: AnyNumber | None = None
     """The last value, of all targets."""
-    num: Count | None = Field(default=None, title="number of values")
+    num: Count | None = optional("number of values")
     """How many values; or give step."""
     step: AnyNumber | None = None
     """From value to value; or give num."""
@@ -127,13 +127,8 @@ def layouts(context: Context) -> list[UnresolvedAxis]:
     if not section:
         given = document.get(("sweep",))
         shown = None if given in (None, {}, []) else given
-        document.report(
-            ("sweep",),
-            "missing",
-            "has no axes",
-            "add one, such as mesh_frequency: {start: 1, stop: 5, num: 200}",
-            value=shown,
-        )
+        hint = "add one, such as mesh_frequency: {start: 1, stop: 5, num: 200}"
+        document.report(("sweep",), "missing", "has no axes", hint, value=shown)
         return []
     found = []
     for name, spec in section.items():
@@ -201,9 +196,8 @@ def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Unres
     names: Any = spec.get("targets")
     if not sequence(names) or not all(isinstance(n, str) for n in names):
         where = (*path, "targets")
-        document.report(
-            where, "wrong_type", "must be a list of parameter names", "write targets: [name, name]", value=names
-        )
+        hint = "write targets: [name, name]"
+        document.report(where, "wrong_type", "must be a list of parameter names", hint, value=names)
         return UnresolvedAxis(name, [])
     targets = [context.resolve(n, (*path, "targets", i)) for i, n in enumerate(names)]
     values: Any = spec.get("values")
@@ -214,9 +208,8 @@ def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Unres
         )
     if len(values) != len(names):
         given = f"{len(names)} targets, but values for {len(values)}"
-        document.report(
-            (*path, "values"), "wrong_count", given, "give one list for each target, or one list of numbers for all"
-        )
+        hint = "give one list for each target, or one list of numbers for all"
+        document.report((*path, "values"), "wrong_count", given, hint)
         return UnresolvedAxis(name, [])
     columns = [Column((*path, "values", i), found) for i, found in enumerate(targets)]
     return UnresolvedAxis(name, columns, all(targets), tie=spec)
@@ -228,9 +221,8 @@ def _shared(document: Document, path: Path, targets: list[Target]) -> Column:
     if spec.get("values") is not None:
         for key in ("start", "stop", "num", "step", "spacing"):
             if key in spec:
-                document.report(
-                    (*path, key), "already_given", "values are given already", f"remove {key} or values", at_key=True
-                )
+                hint = f"remove {key} or values"
+                document.report((*path, key), "already_given", "values are given already", hint, at_key=True)
         return Column((*path, "values"), targets)
     inner = (*path, "values")
     plain = {key: value for key, value in spec.items() if key in Range.model_fields}
@@ -267,18 +259,16 @@ def _case_columns(context: Context, path: Path, entries: list[dict[str, Any]]) -
                 first, names = found.setdefault(frozenset(target.paths), (target, {}))
                 if i in names:
                     message = f"sets {dotted(target.paths[0])}, as {dotted((*path, i, names[i]))} does"
-                    context.document.report(
-                        (*path, i, key), "set_twice", message, "let one of the two set it", at_key=True
-                    )
+                    hint = "let one of the two set it"
+                    context.document.report((*path, i, key), "set_twice", message, hint, at_key=True)
                     continue
                 names[i] = key
                 if first.factor != target.factor:
                     # A column has one factor, that of its first case.
                     other = next(iter(names.values()))
                     message = f"sets {dotted(target.paths[0])}, as {other} of another case does"
-                    context.document.report(
-                        (*path, i, key), "set_twice", message, f"give {other} in all cases", at_key=True
-                    )
+                    hint = f"give {other} in all cases"
+                    context.document.report((*path, i, key), "set_twice", message, hint, at_key=True)
     columns = [_case_column(context, path, entries, target, names) for target, names in found.values()]
     return columns, bool(targets) and all(targets.values())
 
@@ -368,9 +358,8 @@ def build(context: Context, layout: UnresolvedAxis) -> tuple[Axis, Any] | None:
     sizes = [found[0].size for found in expansions]
     if len(set(sizes)) > 1:
         path = ("sweep", layout.name, "values")
-        document.report(
-            path, "wrong_count", f"the targets have {', '.join(map(str, sizes))} values", "give all of them as many"
-        )
+        hint = "give all of them as many"
+        document.report(path, "wrong_count", f"the targets have {', '.join(map(str, sizes))} values", hint)
         return None
     targets = [target for column in layout.columns for target in column.targets]
     assignments = tuple(

@@ -170,9 +170,8 @@ def _uncertain(context: Context, name: str, given: Any, targets: list[Target]) -
     unit = quantity(first.annotation)
     if first.exact or unit is None:
         hint = "sweep it instead"
-        document.report(
-            path, "no_range", f"{first.title} is exact, or a word, and has no distribution", hint, at_key=True
-        )
+        message = f"{first.title} is exact, or a word, and has no distribution"
+        document.report(path, "no_range", message, hint, at_key=True)
         return None
     key = next((key for key in DISTRIBUTIONS if getattr(given, key) is not None), None)
     if key is None:
@@ -192,9 +191,8 @@ def _uncertain(context: Context, name: str, given: Any, targets: list[Target]) -
     own = Uncertain(name, paths, distribution, given.deviation, low, high)
     if not given.deviation and not low <= distribution.central <= high:
         text = f"lies about {distribution.central:g}, and {first.title} is {_between(low, high)}"
-        document.report(
-            (*path, key), "out_of_range", text, "choose a distribution within that", value=document.get((*path, key))
-        )
+        hint = "choose a distribution within that"
+        document.report((*path, key), "out_of_range", text, hint, value=document.get((*path, key)))
         return None
     return own
 
@@ -271,9 +269,8 @@ def _correlation(context: Context, section: Any, names: list[str]) -> tuple[Arra
         i, j = (names.index(name) for name in entry.between)
         if i == j or (min(i, j), max(i, j)) in pairs:
             hint = "name two different parameters, each pair once"
-            context.document.report(
-                (*path, "between"), "equal_values", "is no further pair", hint, value=list(entry.between)
-            )
+            message = "is no further pair"
+            context.document.report((*path, "between"), "equal_values", message, hint, value=list(entry.between))
             continue
         matrix[i, j] = matrix[j, i] = entry.value
         pairs.append((min(i, j), max(i, j)))

@@ -23,6 +23,7 @@ from gearstab.config.model.fields import (
     Stiffness,
     ToothCount,
     TorsionalStiffness,
+    optional,
 )
 from gearstab.config.model.units import Quantity
 from gearstab.systems.gearbox.rotors import HANDS, moves, slides
@@ -40,11 +41,11 @@ OF_TEETH = ("module", "pressure_angle", "addendum", "dedendum", "helix_angle", "
 class Support(Section):
     """Springs that hold the centre of a rotor, the same in both directions, its rotation, or its place on the axis."""
 
-    stiffness: Stiffness | None = Field(default=None, title="lateral stiffness")
+    stiffness: Stiffness | None = optional("lateral stiffness")
     """Lateral stiffness of shaft and bearings together (N/m); without, the centre does not move."""
-    torsional_stiffness: TorsionalStiffness | None = Field(default=None, title="torsional stiffness of the support")
+    torsional_stiffness: TorsionalStiffness | None = optional("torsional stiffness of the support")
     """Between rotor and housing (N m/rad); a held member of a planetary set has no rotation without."""
-    axial_stiffness: Stiffness | None = Field(default=None, title="axial stiffness of the support")
+    axial_stiffness: Stiffness | None = optional("axial stiffness of the support")
     """Along the axis (N/m), which helical teeth push it along; without, it does not move there."""
     damping_ratio: NonNegative = Field(default=0.0, title="damping ratio of the support")
     """zeta, c = 2 zeta sqrt(k m) (1)."""
@@ -76,24 +77,24 @@ class Teeth(Section):
 class Rotor(Teeth, Named):
     """A rigid body that turns: a gear, which has teeth, or a plain inertia."""
 
-    teeth: ToothCount | None = Field(default=None, title="number of teeth")
+    teeth: ToothCount | None = optional("number of teeth")
     """z; a rotor without teeth is no gear."""
-    hand: Annotated[str, Choice("hand", HANDS)] | None = Field(default=None, title="hand of the helix")
+    hand: Annotated[str, Choice("hand", HANDS)] | None = optional("hand of the helix")
     """right or left; without, such as meshes with the other gears."""
     internal: Flag = Field(default=False, title="internal gear")
     """A ring with teeth inside."""
     profile_shift: Number | None = None
     """x, in modules (1); 0 without, or such as closes the backlash in a planetary set."""
-    inertia: Inertia | None = Field(default=None, title="moment of inertia")
+    inertia: Inertia | None = optional("moment of inertia")
     """J (kg m^2); that of a disc of the face width and body_radius without."""
     mass: Mass | None = None
     """Mass of a supported rotor (kg); that of the same disc without."""
-    body_radius: Length | None = Field(default=None, title="radius of the body")
+    body_radius: Length | None = optional("radius of the body")
     """Radius of the disc (m); the pitch radius without."""
-    bore_radius: NonNegativeLength | None = Field(default=None, title="radius of the bore")
+    bore_radius: NonNegativeLength | None = optional("radius of the bore")
     """Radius of the bore (m); without, the disc is solid and the teeth stand on a body of bore 0.4 root radii. Of an
     internal gear, where its rim is held outside; the rim is rigid without."""
-    support: Support | None = Field(default=None, title="lateral support")
+    support: Support | None = optional("lateral support")
     """With it the rotor moves in its plane too."""
 
     def conflicts(self) -> Iterator[Conflict]:
@@ -102,12 +103,8 @@ class Rotor(Teeth, Named):
         geared = self.teeth is not None
         if not geared and self.body_radius is None:
             if self.inertia is None:
-                yield (
-                    ("inertia",),
-                    "missing",
-                    "is missing",
-                    "add inertia (kg m^2), or face_width and body_radius of its disc",
-                )
+                hint = "add inertia (kg m^2), or face_width and body_radius of its disc"
+                yield ("inertia",), "missing", "is missing", hint
             if (moves(self.support) or slides(self.support)) and self.mass is None:
                 yield ("mass",), "missing", "is missing", "add mass (kg), or face_width and body_radius of its disc"
         if not geared:
@@ -121,7 +118,7 @@ class Shaft(Named):
 
     between: Annotated[list[NameText], Field(min_length=2, max_length=2)] = Field(title="ends of the shaft")
     """Names of its two rotors."""
-    stiffness: TorsionalStiffness | None = Field(default=None, title="torsional stiffness")
+    stiffness: TorsionalStiffness | None = optional("torsional stiffness")
     """k (N m/rad); or give diameter and length."""
     diameter: Length | None = None
     """d of a round shaft (m)."""
@@ -147,11 +144,11 @@ class Shaft(Named):
 class Material(Section):
     """Material of gears and shafts; default steel."""
 
-    young: Pressure | None = Field(default=None, title="Young's modulus")
+    young: Pressure | None = optional("Young's modulus")
     """E (Pa); 206.8 GPa without."""
-    poisson: Annotated[float, Field(gt=-1, lt=0.5), Quantity()] | None = Field(default=None, title="Poisson's ratio")
+    poisson: Annotated[float, Field(gt=-1, lt=0.5), Quantity()] | None = optional("Poisson's ratio")
     """nu (1); 0.3 without."""
     density: Annotated[float, Field(gt=0), Quantity("kg/m^3")] | None = None
     """rho (kg/m^3); 7850 without."""
-    shear: Pressure | None = Field(default=None, title="shear modulus of shafts")
+    shear: Pressure | None = optional("shear modulus of shafts")
     """G (Pa); 80 GPa without."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, within
-from gearstab.config.model.fields import Choice, Length, NameText, NonNegative, NonNegativeLength, Section
+from gearstab.config.model.fields import Choice, Length, NameText, NonNegative, NonNegativeLength, Section, optional
 from gearstab.config.model.reading import WRONG, known
 from gearstab.config.model.units import Quantity
 from gearstab.systems.parts.faults import Fault, absent_gear, excluded
@@ -54,22 +54,22 @@ class ProfileRelief(Section):
 class MeshRelief(Section):
     """Profile relief, which makes the stiffness of a mesh depend on its load."""
 
-    tip: ProfileRelief | None = Field(default=None, title="tip relief")
+    tip: ProfileRelief | None = optional("tip relief")
     """Tip relief of both gears."""
-    root: ProfileRelief | None = Field(default=None, title="root relief")
+    root: ProfileRelief | None = optional("root relief")
     """Root relief of both gears."""
 
 
 class TrainMeshKeys(StiffnessOfTeeth):
     """Keys that a mesh of two gears and those of a planetary set share."""
 
-    damping_ratio: NonNegative | None = Field(default=None, title="damping ratio of the mesh")
+    damping_ratio: NonNegative | None = optional("damping ratio of the mesh")
     """zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping."""
-    stiffness_per_width: Annotated[float, Field(gt=0), Quantity("N/m^2")] | None = Field(
-        default=None, title="mesh stiffness per face width"
+    stiffness_per_width: Annotated[float, Field(gt=0), Quantity("N/m^2")] | None = optional(
+        "mesh stiffness per face width"
     )
     """c_gamma, the mean over the common face width (N/m^2, "20 N/(mm um)"); or give mean_stiffness."""
-    relief: MeshRelief | None = Field(default=None, title="profile relief")
+    relief: MeshRelief | None = optional("profile relief")
     """Stiffness, of the teeth, and transmission error are those under the given torques; none without."""
 
 
@@ -100,7 +100,7 @@ class Friction(Section):
         default="constant", title="law of friction"
     )
     """constant; xu_kahraman (2007) and benedict_kelley (1961) for lubricated teeth."""
-    coefficient: NonNegative | None = Field(default=None, title="coefficient of friction")
+    coefficient: NonNegative | None = optional("coefficient of friction")
     """constant: mu (1)."""
     viscosity: Annotated[float, Field(gt=0), Quantity("Pa s")] | None = None
     """Dynamic, of the oil at the inlet (Pa s, "10 mPa s")."""
@@ -156,12 +156,8 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
         )
         yield from within(self, "transmission_error", TransmissionError.conflicts)
         if self.friction is not None and self.backlash:
-            yield (
-                ("backlash",),
-                "not_applicable",
-                "is not available with friction between the teeth",
-                "keep one of the two",
-            )
+            hint = "keep one of the two"
+            yield ("backlash",), "not_applicable", "is not available with friction between the teeth", hint
         yield from within(self, "friction", Friction.conflicts)
         yield from known(self._of_revolutions())
         yield from relief_conflicts(self)

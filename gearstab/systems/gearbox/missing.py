@@ -26,12 +26,8 @@ def missing_of_teeth(box: Any) -> Iterator[Conflict]:
             yield ("gears", key), "missing", "is missing", f"add {key} to gears, which holds for all, or to each gear"
             continue
         for i in lacking:
-            yield (
-                ("rotors", i, key),
-                "missing",
-                "is missing",
-                f"add {key} to this gear, or to gears, which holds for all",
-            )
+            hint = f"add {key} to this gear, or to gears, which holds for all"
+            yield ("rotors", i, key), "missing", "is missing", hint
     if box.gears.face_width is None:
         yield from known(_widths(box, rotors, geared))
 

@@ -11,7 +11,7 @@ from pydantic import Field
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, items, within_each
-from gearstab.config.model.fields import AngularFrequency, Choice, NameText, NonNegative, Section
+from gearstab.config.model.fields import AngularFrequency, Choice, NameText, NonNegative, Section, optional
 from gearstab.config.model.reading import WRONG, known, told
 from gearstab.config.model.units import Quantity
 from gearstab.system import Array, GearSystem
@@ -40,11 +40,11 @@ class Input(Section):
 
     rotor: NameText = Field(title="input rotor")
     """Name of the rotor that drives the train, where power enters it."""
-    torque: Torque | None = Field(default=None, title="input torque")
+    torque: Torque | None = optional("input torque")
     """On the input rotor (N m); follows from the outputs' without."""
-    torque_law: TorqueLaw | None = Field(default=None, title="torque over the speed")
+    torque_law: TorqueLaw | None = optional("torque over the speed")
     """The input torque as it depends on the speed of the input; its slope damps or drives vibrations."""
-    speed: AngularFrequency | None = Field(default=None, title="nominal speed")
+    speed: AngularFrequency | None = optional("nominal speed")
     """Speed of the input rotor, for friction and torques (rad/s, "1500 rpm"); sweeps set it by the axis input_speed."""
     sense: Annotated[str, Choice("sense", ("counter-clockwise", "clockwise"))] = Field(
         default="counter-clockwise", title="sense of rotation"
@@ -57,9 +57,9 @@ class Output(Section):
 
     rotor: NameText = Field(title="output rotor")
     """Name of the rotor that is loaded."""
-    torque: Torque | None = Field(default=None, title="output torque")
+    torque: Torque | None = optional("output torque")
     """It takes (N m); without, the outputs share the input's power equally."""
-    torque_law: TorqueLaw | None = Field(default=None, title="torque over the speed")
+    torque_law: TorqueLaw | None = optional("torque over the speed")
     """The torque it takes as it depends on the speed of the rotor; its slope damps or drives vibrations."""
 
 
@@ -239,12 +239,8 @@ class Gearbox(System):
                 ends = items(item[key])
                 named += [((section, i, key, k), name, section == "meshes") for k, name in ends]
                 if len(ends) == 2 and ends[0][1] == ends[1][1]:
-                    yield (
-                        (section, i, key),
-                        "inconsistent",
-                        f"joins '{ends[0][1]}' to itself",
-                        "name two different rotors",
-                    )
+                    hint = "name two different rotors"
+                    yield (section, i, key), "inconsistent", f"joins '{ends[0][1]}' to itself", hint
         for path, name, geared in named:
             if isinstance(name, str) and name not in rotors:
                 yield path, "unknown_name", f"there is no rotor '{name}'", nearest(name, rotors)

@@ -25,6 +25,7 @@ from gearstab.config.model.fields import (
     Turns,
     Whole,
     also,
+    optional,
 )
 from gearstab.config.model.reading import WRONG, known, told
 from gearstab.config.model.units import Quantity
@@ -50,19 +51,19 @@ class Planets(Teeth):
     """N >= 3, equally spaced without angles."""
     teeth: ToothCount = Field(title="teeth of a planet")
     """z_p."""
-    angles: list[Annotated[float, Quantity("rad")]] | None = Field(
-        default=None, title="angle of a planet", json_schema_extra=also({"const": ASSEMBLE})
+    angles: list[Annotated[float, Quantity("rad")]] | None = optional(
+        "angle of a planet", json_schema_extra=also({"const": ASSEMBLE})
     )
     """psi_n (rad, or with a unit), or assemble: the nearest to equal ones at which the teeth fit."""
     profile_shift: Number | None = None
     """x, in modules (1); closes the backlash without."""
-    mass: Mass | None = Field(default=None, title="mass of a planet")
+    mass: Mass | None = optional("mass of a planet")
     """(kg); that of its disc without."""
-    inertia: Inertia | None = Field(default=None, title="moment of inertia of a planet")
+    inertia: Inertia | None = optional("moment of inertia of a planet")
     """(kg m^2); that of its disc without."""
-    bore_radius: NonNegativeLength | None = Field(default=None, title="radius of the bore")
+    bore_radius: NonNegativeLength | None = optional("radius of the bore")
     """Radius of the bore of a planet's disc (m)."""
-    support: Support | None = Field(default=None, title="planet bearing")
+    support: Support | None = optional("planet bearing")
     """Between each planet and the carrier; without, the planets' centres are fixed on it."""
 
 
@@ -87,9 +88,9 @@ class SetMeshes(Section):
 class SetPhases(Section):
     """The lag of the ring's meshes behind the sun's; the others follow from the teeth."""
 
-    sun_ring: Turns | None = Field(default=None, title="phase of the ring's meshes")
+    sun_ring: Turns | None = optional("phase of the ring's meshes")
     """gamma_sr (1); from teeth by the rule without."""
-    rule: Annotated[str, Choice("rule", tuple(RULES))] | None = Field(default=None, title="rule of the ring's lag")
+    rule: Annotated[str, Choice("rule", tuple(RULES))] | None = optional("rule of the ring's lag")
     """gamma_sr from entry to entry, the default, or from pitch_point to pitch_point."""
 
 
@@ -98,9 +99,9 @@ class SetFault(Fault):
 
     gear: Annotated[str, Choice("gear of a set", FAULTY)]
     """sun, planet or ring."""
-    planet: Annotated[int, Field(ge=1), Whole] | None = Field(default=None, title="number of the planet")
+    planet: Annotated[int, Field(ge=1), Whole] | None = optional("number of the planet")
     """Number of the planet with the weak tooth, from 1; 1 without."""
-    flank: Annotated[str, Choice("mesh", ("sun", "ring"))] | None = Field(default=None, title="flank with the pit")
+    flank: Annotated[str, Choice("mesh", ("sun", "ring"))] | None = optional("flank with the pit")
     """Mesh whose flank has the pit: the sun's or the ring's; sun without."""
 
     def of_planets(self, count: Fraction) -> Iterator[Conflict]:
@@ -123,7 +124,7 @@ class PlanetarySet(Named):
     """Name of its rotor, an internal gear."""
     carrier: NameText
     """Name of its rotor."""
-    held: Annotated[str, Choice("held member", MEMBERS)] | None = Field(default=None, title="held member")
+    held: Annotated[str, Choice("held member", MEMBERS)] | None = optional("held member")
     """sun, ring or carrier, if one of them does not turn."""
     planets: Planets
     """Equal planets on the carrier."""
@@ -133,7 +134,7 @@ class PlanetarySet(Named):
     """Meshes of the sun and of the ring."""
     carrier_speed: Annotated[str, Choice("carrier speed", ("from_teeth",))] | None = None
     """from_teeth: with the gyroscopic and centripetal terms of the turning carrier; none without."""
-    phases: SetPhases | None = Field(default=None, title="mesh phases")
+    phases: SetPhases | None = optional("mesh phases")
     """How far the ring's meshes lag the sun's."""
     faults: list[SetFault] = Field(default=[])
     """Weak teeth of sun, planets and ring."""

@@ -10,7 +10,7 @@ from pydantic import Field, StrictStr
 
 from gearstab.config.document.files import DataFileError, arrays, numbers, present, usable
 from gearstab.config.model.axes import Array
-from gearstab.config.model.fields import Section
+from gearstab.config.model.fields import Section, optional
 from gearstab.errors import one_line
 
 REQUIRED = ("mass", "stiffness")
@@ -32,13 +32,13 @@ class MatrixFiles(Section):
     """A Matrix Market file (.mtx)."""
     stiffness: StrictStr = Field(title="file of the stiffness matrix")
     """A Matrix Market file (.mtx)."""
-    damping: StrictStr | None = Field(default=None, title="file of the damping matrix")
+    damping: StrictStr | None = optional("file of the damping matrix")
     """A Matrix Market file (.mtx)."""
-    gyroscopic: StrictStr | None = Field(default=None, title="file of the gyroscopic matrix")
+    gyroscopic: StrictStr | None = optional("file of the gyroscopic matrix")
     """A Matrix Market file (.mtx)."""
-    centripetal: StrictStr | None = Field(default=None, title="file of the centripetal matrix")
+    centripetal: StrictStr | None = optional("file of the centripetal matrix")
     """A Matrix Market file (.mtx)."""
-    circulatory: StrictStr | None = Field(default=None, title="file of the circulatory matrix")
+    circulatory: StrictStr | None = optional("file of the circulatory matrix")
     """A Matrix Market file (.mtx)."""
 
 

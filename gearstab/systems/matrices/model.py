@@ -20,7 +20,7 @@ from gearstab.config.model.conflicts import (
     within_each,
     wrong_length,
 )
-from gearstab.config.model.fields import NUMBER, ByCoordinate, Choice, NameText, also
+from gearstab.config.model.fields import NUMBER, ByCoordinate, Choice, NameText, also, optional
 from gearstab.config.model.reading import WRONG, constructed, told
 from gearstab.config.model.units import Quantity, UnitError, to_si
 from gearstab.system import Array, GearSystem
@@ -82,17 +82,17 @@ class Matrices(System):
 
     kind: Literal["matrices"] = Field(title="kind of system")
     """A model given as matrices."""
-    mass: list[list[MassEntry]] | None = Field(default=None, title="mass matrix")
+    mass: list[list[MassEntry]] | None = optional("mass matrix")
     """M, one row per coordinate (kg, or kg m^2 of a rotation); symmetric, positive definite."""
-    stiffness: list[list[StiffnessEntry]] | None = Field(default=None, title="stiffness matrix")
+    stiffness: list[list[StiffnessEntry]] | None = optional("stiffness matrix")
     """K0, everything but the meshes (N/m, or N m/rad of a rotation); unsymmetric of some bearings."""
-    file: StrictStr | None = Field(default=None, title="file of matrices")
+    file: StrictStr | None = optional("file of matrices")
     """A .npz, .h5 or .mat file of mass, stiffness and optionally damping, beside the configuration."""
-    files: MatrixFiles | None = Field(default=None, title="files of matrices")
+    files: MatrixFiles | None = optional("files of matrices")
     """Matrix Market files (.mtx) instead, one for each of mass, stiffness and optionally damping."""
     coordinates: list[NameText] | None = None
     """Names of the coordinates; q1, q2, ... without."""
-    coordinate_units: CoordinateUnits | None = Field(default=None, title="units of the coordinates")
+    coordinate_units: CoordinateUnits | None = optional("units of the coordinates")
     """m, or rad of rotations: one for all coordinates, or a list of them; m without."""
     damping: Damping | None = Field(default=None, json_schema_extra=also(ROWS))
     """The damping matrix, or other forms of damping; or give damping_ratio."""

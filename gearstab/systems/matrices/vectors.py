@@ -28,13 +28,9 @@ def write_out(document: Document, raw: dict[str, Any], size: int | None) -> None
                 values[names.index(name)] = value
                 document.move(("system", *path, name), ("system", *path, names.index(name)))
             else:
-                document.report(
-                    ("system", *path, name),
-                    "unknown_name",
-                    "there is no such coordinate",
-                    nearest(name, map(str, names)),
-                    at_key=True,
-                )
+                message = "there is no such coordinate"
+                hint = nearest(name, map(str, names))
+                document.report(("system", *path, name), "unknown_name", message, hint, at_key=True)
         holder[key] = values
 
 

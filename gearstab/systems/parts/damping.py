@@ -11,7 +11,7 @@ from pydantic import Field
 
 from gearstab.config.model.axes import given, matrix, vector
 from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
-from gearstab.config.model.fields import NonNegative, Section
+from gearstab.config.model.fields import NonNegative, Section, optional
 from gearstab.config.model.units import Quantity
 from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.modal import modal_damping_matrix
@@ -24,13 +24,13 @@ MatrixEntry = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 class Damping(Section):
     """Damping of the whole system, in one of three forms."""
 
-    modal: list[NonNegative] | None = Field(default=None, title="modal damping ratios")
+    modal: list[NonNegative] | None = optional("modal damping ratios")
     """One damping ratio per mode, by ascending natural frequency (1)."""
     rayleigh: (
         tuple[Annotated[float, Field(ge=0), Quantity("1/s")], Annotated[float, Field(ge=0), Quantity("s")]] | None
-    ) = Field(default=None, title="Rayleigh damping")
+    ) = optional("Rayleigh damping")
     """[alpha (1/s), beta (s)]: C = alpha M + beta K of the mean system."""
-    matrix: list[list[MatrixEntry]] | None = Field(default=None, title="damping matrix")
+    matrix: list[list[MatrixEntry]] | None = optional("damping matrix")
     """C, one row per coordinate (N s/m); symmetric."""
 
     def conflicts(self, size: int | None) -> Iterator[Conflict]:

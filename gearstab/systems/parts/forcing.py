@@ -12,7 +12,7 @@ from pydantic import Field, GetJsonSchemaHandler
 
 from gearstab.config.model.axes import given, vector
 from gearstab.config.model.conflicts import Conflict, no_direction
-from gearstab.config.model.fields import ExactRatio, NameText, Section, Turns, Vector
+from gearstab.config.model.fields import ExactRatio, NameText, Section, Turns, Vector, optional
 from gearstab.config.model.units import Quantity
 from gearstab.mesh import PeriodicForce
 from gearstab.system import GearSystem
@@ -71,7 +71,7 @@ class GearError(TransmissionError):
 class Force(Section):
     """A periodic external force, given by its Fourier series."""
 
-    name: NameText | None = Field(default=None, title="name of the force")
+    name: NameText | None = optional("name of the force")
     """Name of the force in messages."""
     direction: Vector = Field(title="direction of the force")
     """u, the force acts as u times its value: one number per coordinate, or {coordinate: value} (1)."""

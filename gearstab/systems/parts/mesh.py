@@ -23,6 +23,7 @@ from gearstab.config.model.fields import (
     ShortName,
     Stiffness,
     Turns,
+    optional,
 )
 from gearstab.config.model.reading import descriptions, known
 from gearstab.config.model.units import Quantity
@@ -60,23 +61,21 @@ class Named(Section):
 class ToothMesh(Section):
     """A tooth mesh: a spring whose stiffness alternates between floor(c) and floor(c) + 1 pairs of teeth."""
 
-    mean_stiffness: Stiffness | None = Field(default=None, title="mean mesh stiffness")
+    mean_stiffness: Stiffness | None = optional("mean mesh stiffness")
     """Mean stiffness k_g, kept (N/m); or give max_stiffness."""
-    max_stiffness: Stiffness | None = Field(default=None, title="stiffer level of the mesh stiffness")
+    max_stiffness: Stiffness | None = optional("stiffer level of the mesh stiffness")
     """The stiffer level k_max, kept (N/m), so that k_g falls as k_a grows; or give mean_stiffness."""
-    epsilon: Annotated[NonNegative, ShortName(rival="amplitude")] | None = Field(
-        default=None, title="relative mesh stiffness variation"
-    )
+    epsilon: Annotated[NonNegative, ShortName(rival="amplitude")] | None = optional("relative mesh stiffness variation")
     """epsilon = k_a/k_g, where 2 k_a is the peak-to-peak of the variation (1); or give amplitude."""
-    amplitude: Annotated[float, Field(ge=0), Quantity("N/m"), ShortName(rival="epsilon")] | None = Field(
-        default=None, title="mesh stiffness amplitude"
+    amplitude: Annotated[float, Field(ge=0), Quantity("N/m"), ShortName(rival="epsilon")] | None = optional(
+        "mesh stiffness amplitude"
     )
     """k_a, half the peak-to-peak of the variation (N/m); or give epsilon."""
     contact_ratio: Annotated[ContactRatio, ShortName(hint="their waveforms have none")] | None = None
     """c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1)."""
     waveform: WaveformSection = WaveformSection(kind="rectangular")
     """The shape of the variation over a mesh period."""
-    damping: Annotated[float, Field(ge=0), Quantity("N s/m")] | None = Field(default=None, title="mesh damping")
+    damping: Annotated[float, Field(ge=0), Quantity("N s/m")] | None = optional("mesh damping")
     """Viscous damping along the line of action (N s/m)."""
     damping_follows_stiffness: Flag = False
     """The mesh damping d varies as the mesh stiffness does, d k(t)/k_g, instead of being constant."""
@@ -119,9 +118,9 @@ class StiffnessOfTeeth(Section):
     double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = None
     """Stiffness of two pairs of teeth over the sum of theirs (1), as teeth on one body deflect each other; 1
     without."""
-    single_pair_stiffness: Stiffness | None = Field(default=None, title="measured stiffness of a pair")
+    single_pair_stiffness: Stiffness | None = optional("measured stiffness of a pair")
     """Stiffness of a pair of teeth in contact at the pitch point (N/m); of an internal gear, all along the path."""
-    variation: NonNegative | None = Field(default=None, title="measured variation")
+    variation: NonNegative | None = optional("measured variation")
     """Variation (max k - min k)/mean k of the mesh stiffness of teeth (1)."""
 
 
@@ -173,17 +172,13 @@ class MatrixMesh(NamedToothMesh):
 
     misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}
 
-    mean_stiffness: MeshStiffness | None = Field(default=None, title="mean mesh stiffness")
+    mean_stiffness: MeshStiffness | None = optional("mean mesh stiffness")
     """Mean stiffness k_g, kept (N/m, or N m/rad of an angle); or give max_stiffness."""
-    max_stiffness: MeshStiffness | None = Field(default=None, title="stiffer level of the mesh stiffness")
+    max_stiffness: MeshStiffness | None = optional("stiffer level of the mesh stiffness")
     """The stiffer level k_max, kept (N/m, N m/rad), so that k_g falls with k_a; or give mean_stiffness."""
-    amplitude: Annotated[float, Field(ge=0), Quantity("N/m", ("N m",))] | None = Field(
-        default=None, title="mesh stiffness amplitude"
-    )
+    amplitude: Annotated[float, Field(ge=0), Quantity("N/m", ("N m",))] | None = optional("mesh stiffness amplitude")
     """k_a, half the peak-to-peak of the variation (N/m or N m/rad); or give epsilon."""
-    damping: Annotated[float, Field(ge=0), Quantity("N s/m", ("N m s",))] | None = Field(
-        default=None, title="mesh damping"
-    )
+    damping: Annotated[float, Field(ge=0), Quantity("N s/m", ("N m s",))] | None = optional("mesh damping")
     """Viscous damping of the mesh deflection (N s/m or N m s/rad)."""
     backlash: Annotated[float, Field(ge=0), Quantity("m", ("rad",))] | None = None
     """2 b, the play of the mesh deflection (m, or rad of an angle), for respond; none without."""

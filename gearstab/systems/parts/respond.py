@@ -16,7 +16,7 @@ from gearstab.config.model.conflicts import (
     items,
     wrong_length,
 )
-from gearstab.config.model.fields import AngularFrequency, Flag, NonNegative, Section, Time, Whole
+from gearstab.config.model.fields import AngularFrequency, Flag, NonNegative, Section, Time, Whole, optional
 from gearstab.config.model.reading import WRONG, known, told
 from gearstab.config.model.units import Quantity, wrong
 
@@ -50,7 +50,7 @@ class Respond(Section):
     """Frequency of the first mesh (rad/s); or give input_speed."""
     input_speed: AngularFrequency | None = None
     """Speed of the input of a system whose teeth are known (rad/s, "1500 rpm"); or give mesh_frequency."""
-    initial: Initial | None = Field(default=None, title="initial state")
+    initial: Initial | None = optional("initial state")
     """Displacement and velocity; a driven system begins in static equilibrium without."""
     steady_state: Flag = False
     """The periodic response of a driven system, over one period common to all that varies and drives."""
@@ -65,7 +65,7 @@ class Respond(Section):
     without."""
     samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole] = 200
     """Stored samples in a period of the first mesh."""
-    discard: NonNegative | None = Field(default=None, title="cycles left out")
+    discard: NonNegative | None = optional("cycles left out")
     """With backlash: how long, in periods of the first mesh, the motion settles before it is summed up."""
 
     _axis: SpeedAxis = PrivateAttr(default=SpeedAxis())

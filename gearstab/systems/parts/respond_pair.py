@@ -9,7 +9,7 @@ from pydantic import Field
 
 from gearstab.config.model.axes import SpeedAxis
 from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.config.model.fields import AngularFrequency, Choice, Flag, NonNegative, Section, Time, Whole
+from gearstab.config.model.fields import AngularFrequency, Choice, Flag, NonNegative, Section, Time, Whole, optional
 from gearstab.config.model.reading import known
 from gearstab.config.model.units import Quantity
 
@@ -22,7 +22,7 @@ class PairInitial(Section):
 
     misplaced: ClassVar[dict[str, str]] = {"theta_dot": "give respond.speed, of the driving gear"}
 
-    phi: Annotated[float, Quantity("rad")] | None = Field(default=None, title="initial deflection")
+    phi: Annotated[float, Quantity("rad")] | None = optional("initial deflection")
     """phi = (N1 theta1 - N2 theta2)/2 (rad); the static deflection T0/k without."""
     phi_dot: Annotated[float, Quantity("rad/s")] = Field(default=0.0, title="initial rate of deflection")
     """d phi/dt (rad/s)."""

@@ -7,13 +7,12 @@ from fractions import Fraction
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document, value_at
 from gearstab.config.model.axes import matrix
 from gearstab.config.model.conflicts import Conflict, exactly_one, items
-from gearstab.config.model.fields import Ratio, Section
+from gearstab.config.model.fields import Ratio, Section, optional
 from gearstab.config.model.units import Quantity
 from gearstab.rotation import Rotation
 from gearstab.systems.feasibility import worst_entry
@@ -30,15 +29,15 @@ Drag = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 class RotationSection(Section):
     """A speed of rotation W, and matrices that act with it: W G q' + (W H + W^2 K) q."""
 
-    speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(default=None, title="speed ratio of a rotation")
+    speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = optional("speed ratio of a rotation")
     """W/Omega, exact: "1/25", or -1 for the other sense; or give speed."""
-    speed: Annotated[float, Quantity("rad/s")] | None = Field(default=None, title="speed of a rotation")
+    speed: Annotated[float, Quantity("rad/s")] | None = optional("speed of a rotation")
     """W, held whatever the mesh frequency (rad/s, "1500 rpm"); or give speed_ratio."""
-    gyroscopic: list[list[Inertia]] | None = Field(default=None, title="gyroscopic matrix")
+    gyroscopic: list[list[Inertia]] | None = optional("gyroscopic matrix")
     """G in W G q', skew (kg, or kg m^2 of rotations)."""
-    centripetal: list[list[Inertia]] | None = Field(default=None, title="centripetal matrix")
+    centripetal: list[list[Inertia]] | None = optional("centripetal matrix")
     """K in W^2 K q, symmetric and added, so negative where rotation softens (kg, or kg m^2)."""
-    circulatory: list[list[Drag]] | None = Field(default=None, title="circulatory matrix")
+    circulatory: list[list[Drag]] | None = optional("circulatory matrix")
     """H in W H q, of rotating damping (N s/m, or N m s)."""
 
     def conflicts(self, size: int | None, of_file: bool) -> Iterator[Conflict]:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from gearstab.config.model.axes import vector
 from gearstab.config.model.conflicts import Conflict, no_direction, within
-from gearstab.config.model.fields import AnyRatio, ContactRatio, Flag, NameText, Section, Turns, Vector
+from gearstab.config.model.fields import AnyRatio, ContactRatio, Flag, NameText, Section, Turns, Vector, optional
 from gearstab.config.model.units import Quantity
 from gearstab.mesh import PeriodicTerm
 from gearstab.system import Array
@@ -28,9 +28,9 @@ OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 class VaryingNumber(Section):
     """A number that may vary periodically, mean + 2 amplitude w(x)."""
 
-    contact_ratio: ContactRatio | None = Field(default=None, title="contact ratio of a term")
+    contact_ratio: ContactRatio | None = optional("contact ratio of a term")
     """c >= 1, of a waveform that has one (1)."""
-    waveform: WaveformSection | None = Field(default=None, title="waveform of a term")
+    waveform: WaveformSection | None = optional("waveform of a term")
     """w, rectangular without, where there is an amplitude."""
 
     def conflicts(self) -> Iterator[Conflict]:
@@ -42,12 +42,8 @@ class VaryingNumber(Section):
                 yield (), "missing", "has neither mean nor amplitude", "add mean, or amplitude and waveform"
             return
         if wave is not None and wave.of_teeth:
-            yield (
-                ("waveform", "kind"),
-                "not_applicable",
-                "a term has no teeth",
-                "choose another waveform, such as fourier or sampled",
-            )
+            hint = "choose another waveform, such as fourier or sampled"
+            yield ("waveform", "kind"), "not_applicable", "a term has no teeth", hint
             return
         if amplitude is None and wave is not None and not wave.own_variation:
             yield ("amplitude",), "missing", "is missing", "add amplitude: half the peak-to-peak of the variation"
@@ -57,33 +53,33 @@ class VaryingNumber(Section):
 class StiffnessPart(VaryingNumber):
     """The stiffness of a term."""
 
-    mean: OfStiffness | None = Field(default=None, title="mean stiffness of a term")
+    mean: OfStiffness | None = optional("mean stiffness of a term")
     """Its mean (N/m); 0 or that of the samples without."""
-    amplitude: OfStiffness | None = Field(default=None, title="stiffness amplitude of a term")
+    amplitude: OfStiffness | None = optional("stiffness amplitude of a term")
     """Half the peak-to-peak of its variation (N/m); constant, or that of the samples, without."""
 
 
 class DampingPart(VaryingNumber):
     """The damping of a term."""
 
-    mean: OfDamping | None = Field(default=None, title="mean damping of a term")
+    mean: OfDamping | None = optional("mean damping of a term")
     """Its mean (N s/m); 0 or that of the samples without."""
-    amplitude: OfDamping | None = Field(default=None, title="damping amplitude of a term")
+    amplitude: OfDamping | None = optional("damping amplitude of a term")
     """Half the peak-to-peak of its variation (N s/m); constant, or that of the samples, without."""
 
 
 class Term(Section):
     """a(x) u v^T in the stiffness matrix and c(x) u v^T in the damping matrix."""
 
-    name: NameText | None = Field(default=None, title="name of the term")
+    name: NameText | None = optional("name of the term")
     """Name of the term in paths and messages."""
     left: Vector = Field(title="left vector")
     """u, along which the term acts (1)."""
     right: Vector = Field(title="right vector")
     """v: the term acts on v . q and v . q' (1)."""
-    stiffness: StiffnessPart | None = Field(default=None, title="stiffness of a term")
+    stiffness: StiffnessPart | None = optional("stiffness of a term")
     """a(x): mean, amplitude, waveform."""
-    damping: DampingPart | None = Field(default=None, title="damping of a term")
+    damping: DampingPart | None = optional("damping of a term")
     """c(x): mean, amplitude, waveform."""
     exact: Flag = Field(default=True, title="exact frequency ratio of a term")
     """false: frequency_ratio is a decimal that stands for an irrational number."""

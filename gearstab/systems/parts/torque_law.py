@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict, plain_number
-from gearstab.config.model.fields import AngularFrequency, Section
+from gearstab.config.model.fields import AngularFrequency, Section, optional
 from gearstab.config.model.reading import WRONG
 from gearstab.config.model.units import Quantity
 from gearstab.errors import NotPossible
@@ -30,7 +30,7 @@ FORMS = {"power": ("at", "torque", "exponent"), "polynomial": ("polynomial",), "
 class TorqueLaw(Section):
     """A torque over the speed of its rotor: a power of it, a polynomial or a table."""
 
-    at: AngularFrequency | None = Field(default=None, title="speed of the torque")
+    at: AngularFrequency | None = optional("speed of the torque")
     """n_0 of T = T_0 (n/n_0)^p (rad/s, "1500 rpm")."""
     torque: Annotated[float, Field(gt=0), Quantity("N m")] | None = None
     """T_0, the torque at that speed (N m)."""

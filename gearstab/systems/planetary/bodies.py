@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gearstab.config.model.fields import Choice, Mass, Section, Stiffness, Whole
+from gearstab.config.model.fields import Choice, Mass, Section, Stiffness, Whole, optional
 from gearstab.config.model.units import Quantity
 
 HARMONICS = 12
@@ -28,33 +28,33 @@ class Ring(Section):
         default=HARMONICS, title="harmonics of the ring's deflection"
     )
     """J: the elastic deflection has 2 to J waves around an elastic ring."""
-    bending_stiffness: Stiffness | None = Field(default=None, title="bending stiffness of the ring")
+    bending_stiffness: Stiffness | None = optional("bending stiffness of the ring")
     """k_bend = E J/(R^3 (1 - nu^2)) of an elastic ring (N/m)."""
 
 
 class Masses(Section):
     """Masses of the bodies."""
 
-    ring: Mass | None = Field(default=None, title="mass of the ring")
+    ring: Mass | None = optional("mass of the ring")
     """m_r (kg); from gears without."""
-    carrier: Mass | None = Field(default=None, title="mass of the carrier")
+    carrier: Mass | None = optional("mass of the carrier")
     """m_c, for planar motion (kg)."""
-    sun: Mass | None = Field(default=None, title="mass of the sun")
+    sun: Mass | None = optional("mass of the sun")
     """m_s, for planar motion (kg)."""
-    planet: Mass | None = Field(default=None, title="mass of a planet")
+    planet: Mass | None = optional("mass of a planet")
     """m_p, of each planet (kg); from gears without."""
 
 
 class Inertias(Section):
     """Moments of inertia over squared base radii, of the carrier over that of the planets' centres."""
 
-    ring: Mass | None = Field(default=None, title="inertia of the ring")
+    ring: Mass | None = optional("inertia of the ring")
     """I_r/r_r^2 (kg); m_r/cos^2 of the ring's pressure angle, a thin rim at the pitch radius, without."""
-    carrier: Mass | None = Field(default=None, title="inertia of the carrier")
+    carrier: Mass | None = optional("inertia of the carrier")
     """I_c/r_c^2, r_c where the planets' centres are (kg); required."""
-    sun: Mass | None = Field(default=None, title="inertia of the sun")
+    sun: Mass | None = optional("inertia of the sun")
     """I_s/r_s^2 (kg); from gears without."""
-    planet: Mass | None = Field(default=None, title="inertia of a planet")
+    planet: Mass | None = optional("inertia of a planet")
     """I_p/r_p^2, of each planet (kg); from gears without."""
 
 
@@ -65,15 +65,15 @@ class Supports(Section):
     """k_c, in every direction of the plane (N/m)."""
     sun: Support = Field(default=0.0, title="support of the sun")
     """k_s, in every direction of the plane (N/m)."""
-    planet: Support | None = Field(default=None, title="planet bearing")
+    planet: Support | None = optional("planet bearing")
     """k_p, between each planet and the carrier, in every direction, for planar motion (N/m)."""
     carrier_rotation: Support = Field(default=0.0, title="rotational support of the carrier")
     """k_cu, torsional stiffness over r_c^2 (N/m)."""
     sun_rotation: Support = Field(default=0.0, title="rotational support of the sun")
     """k_su, torsional stiffness over r_s^2 (N/m)."""
-    ring: Support | None = Field(default=None, title="support of the ring")
+    ring: Support | None = optional("support of the ring")
     """k_r of a rigid ring, in every direction of the plane (N/m)."""
-    ring_rotation: Support | None = Field(default=None, title="rotational support of the ring")
+    ring_rotation: Support | None = optional("rotational support of the ring")
     """k_ru of a rigid ring, torsional stiffness over r_r^2 (N/m)."""
     ring_radial: Support = Field(default=0.0, title="radial foundation of the ring")
     """k_rbs R: radial stiffness per radian of the ring's circumference (N/m)."""
@@ -84,9 +84,9 @@ class Supports(Section):
 class PressureAngles(Section):
     """Pressure angles; negative ones for load on the other flanks."""
 
-    sun: PressureAngle | None = Field(default=None, title="pressure angle of the sun's meshes")
+    sun: PressureAngle | None = optional("pressure angle of the sun's meshes")
     """alpha_s; in rad, or with a unit: "24.6 deg"."""
-    ring: PressureAngle | None = Field(default=None, title="pressure angle of the ring's meshes")
+    ring: PressureAngle | None = optional("pressure angle of the ring's meshes")
     """alpha_r; in rad, or with a unit: "24.6 deg"."""
 
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.config.model.fields import Flag, Ratio, Section
+from gearstab.config.model.fields import Flag, Ratio, Section, optional
 from gearstab.config.model.reading import known, told
 from gearstab.config.model.units import Quantity
 from gearstab.rotation import Rotation
@@ -26,11 +26,9 @@ FROM_TEETH = "from_teeth"
 class CarrierSpeed(Section):
     """W_c, counter-clockwise positive as planets are numbered: a part of the mesh frequency, or held."""
 
-    speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = Field(
-        default=None, title="speed ratio of the carrier"
-    )
+    speed_ratio: Annotated[Fraction, Ratio(signed=True)] | None = optional("speed ratio of the carrier")
     """W_c/Omega, exact: "1/99"; or in short; 0: at rest."""
-    speed: Annotated[float, Quantity("rad/s")] | None = Field(default=None, title="speed of the carrier")
+    speed: Annotated[float, Quantity("rad/s")] | None = optional("speed of the carrier")
     """W_c, held whatever the mesh frequency (rad/s, "30 rpm")."""
     from_teeth: Flag = Field(default=False, title="speed from the teeth")
     """W_c/Omega of teeth, input and fixed; or in short."""

@@ -56,12 +56,8 @@ def assembly(sun: int, planet: int, ring: int, planets: Any, angles: Sequence[An
             step = 360 / (sun + ring)
             message = f"the teeth of planet {number} do not fit: angles are multiples of 360 deg/(z_s + z_r)"
             near = step * round(np.degrees(float(angles[number - 1] - angles[0])) / step)
-            yield (
-                ("angles",),
-                "inconsistent",
-                message,
-                f'give "{near:.7g} deg" from the first one, or write angles: {ASSEMBLE}',
-            )
+            hint = f'give "{near:.7g} deg" from the first one, or write angles: {ASSEMBLE}'
+            yield ("angles",), "inconsistent", message, hint
     elif whole(planets, 3, MOST_PLANETS) and (sun + ring) % int(planets):
         possible = [str(k) for k in range(3, MOST_PLANETS + 1) if (sun + ring) % k == 0]
         remedy = f"write angles: {ASSEMBLE}, or change the teeth"

@@ -6,14 +6,7 @@ from typing import Annotated, Any, ClassVar, cast
 
 from pydantic import Field
 
-from gearstab.config.model.fields import (
-    Choice,
-    Length,
-    Number,
-    Section,
-    ToothCount,
-    Turns,
-)
+from gearstab.config.model.fields import Choice, Length, Number, Section, ToothCount, Turns, optional
 from gearstab.systems.parts.mesh import StiffnessOfTeeth, ToothMesh
 from gearstab.systems.planetary.phasing import DRIVES, RULES
 
@@ -41,13 +34,13 @@ class Meshes(Section):
 class Phases(Section):
     """Mesh phases, as lags in periods of the mesh."""
 
-    sun: list[Turns] | None = Field(default=None, title="phase of a sun's mesh")
+    sun: list[Turns] | None = optional("phase of a sun's mesh")
     """gamma_sn, one per planet, of the waves of the sun's meshes (1); all 0, in phase, without."""
-    sun_ring: Turns | None = Field(default=None, title="phase of the ring's meshes")
+    sun_ring: Turns | None = optional("phase of the ring's meshes")
     """gamma_sr: the ring's mesh of a planet lags its sun's mesh by this (1); 0 or from teeth without."""
-    rule: Annotated[str, Choice("rule", tuple(RULES))] | None = Field(default=None, title="rule of the ring's lag")
+    rule: Annotated[str, Choice("rule", tuple(RULES))] | None = optional("rule of the ring's lag")
     """With teeth: gamma_sr from entry to entry, the default with gears, or from pitch_point to pitch_point, without."""
-    drives: Annotated[str, Choice("driving gear", DRIVES)] | None = Field(default=None, title="driving gear")
+    drives: Annotated[str, Choice("driving gear", DRIVES)] | None = optional("driving gear")
     """With teeth: which gear drives in the sun's meshes; it follows from input and fixed without."""
 
 
@@ -57,22 +50,22 @@ Teeth = Annotated[ToothCount, Field(ge=4)]
 class ProfileShifts(Section):
     """Profile shifts, in modules; positive ones push the flanks outwards, on the ring too."""
 
-    sun: Number | None = Field(default=None, title="profile shift of the sun")
+    sun: Number | None = optional("profile shift of the sun")
     """x_s (1)."""
-    planet: Number | None = Field(default=None, title="profile shift of a planet")
+    planet: Number | None = optional("profile shift of a planet")
     """x_p (1)."""
-    ring: Number | None = Field(default=None, title="profile shift of the ring")
+    ring: Number | None = optional("profile shift of the ring")
     """x_r; gear programs often print its negative (1)."""
 
 
 class TipRadii(Section):
     """Radii of the tips."""
 
-    sun: Length | None = Field(default=None, title="tip radius of the sun")
+    sun: Length | None = optional("tip radius of the sun")
     """r_as (m)."""
-    planet: Length | None = Field(default=None, title="tip radius of a planet")
+    planet: Length | None = optional("tip radius of a planet")
     """r_ap (m)."""
-    ring: Length | None = Field(default=None, title="tip radius of the ring")
+    ring: Length | None = optional("tip radius of the ring")
     """r_ar, inside (m)."""
 
 
@@ -88,7 +81,7 @@ class ToothNumbers(Section):
     centre_distance: Length | None = None
     """a, with gears: of planet and axis (m); that of the profile shifts of sun and planet, else m (z_s + z_r)/4
     without."""
-    profile_shift: ProfileShifts | None = Field(default=None, title="profile shifts")
+    profile_shift: ProfileShifts | None = optional("profile shifts")
     """With gears (1); such as close the backlash at the centre distance without."""
-    tip_radius: TipRadii | None = Field(default=None, title="tip radii")
+    tip_radius: TipRadii | None = optional("tip radii")
     """With gears (m); of addendum and profile shift without, on sun and planets cut back for clearance."""

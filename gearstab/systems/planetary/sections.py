@@ -12,7 +12,7 @@ from pydantic import Field
 from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, below, within, wrong_length
-from gearstab.config.model.fields import Choice, Count, Flag, also
+from gearstab.config.model.fields import Choice, Count, Flag, also, optional
 from gearstab.config.model.reading import WRONG, held, known
 from gearstab.config.model.units import Quantity
 from gearstab.system import Array, GearSystem
@@ -77,8 +77,8 @@ class Planetary(System):
     """A planetary gear."""
     planets: Annotated[Fraction, Count(of="planets"), Field(le=MOST_PLANETS)] = Field(title="number of planets")
     """N >= 3, equally spaced without angles."""
-    angles: list[Annotated[float, Quantity("rad")]] | None = Field(
-        default=None, title="angle of a planet", json_schema_extra=also({"const": ASSEMBLE})
+    angles: list[Annotated[float, Quantity("rad")]] | None = optional(
+        "angle of a planet", json_schema_extra=also({"const": ASSEMBLE})
     )
     """psi_n (rad, or with a unit), or assemble: the nearest to equal ones at which the teeth fit."""
     motion: Annotated[str, Choice("motion", ("planar", "rotational"))] = "planar"
@@ -99,9 +99,9 @@ class Planetary(System):
     """The meshes of the sun and of the ring."""
     load: BodyLoad | None = None
     """Constant torques on ring, carrier and sun, over their radii (N)."""
-    phases: Phases | None = Field(default=None, title="mesh phases")
+    phases: Phases | None = optional("mesh phases")
     """When the waves of the meshes begin; or give teeth."""
-    teeth: ToothNumbers | None = Field(default=None, title="tooth numbers")
+    teeth: ToothNumbers | None = optional("tooth numbers")
     """From which the mesh phases follow; or give phases."""
 
     input: Annotated[str, Choice("input", BODIES)] = "sun"
@@ -112,8 +112,8 @@ class Planetary(System):
     sense: Annotated[str, Choice("sense", SENSES)] = Field(default="counter-clockwise", title="sense of rotation")
     """Sense of rotation of the input, seen along z, where teeth are given; planets are numbered counter-clockwise."""
 
-    carrier_speed: CarrierSpeed | None = Field(
-        default=None, title="speed of the carrier", json_schema_extra=also({"type": ["number", "string"]})
+    carrier_speed: CarrierSpeed | None = optional(
+        "speed of the carrier", json_schema_extra=also({"type": ["number", "string"]})
     )
     """Speed of the frame of the coordinates; bodies are at rest without. Damping turns with it."""
     pin_preload: Flag = Field(default=True, title="preload of the pins")

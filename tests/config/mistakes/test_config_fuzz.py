@@ -135,7 +135,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def read(scene: Path, text: str) -> Config | None:
-    """The configuration as ``gearstab check_options`` reads it; None where it says what is wrong, in one line a mistake."""
+    """The configuration as ``gearstab check`` reads it; None where it says what is wrong, in one line a mistake."""
     scene.write_text(text, encoding="utf-8", newline="")
     try:
         config = load(scene)
