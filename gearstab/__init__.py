@@ -26,16 +26,14 @@ if TYPE_CHECKING:
     from gearstab.api.runs import design, plot, respond, save, sweep
     from gearstab.api.stability import boundaries, floquet, perturbation
     from gearstab.exchange.files import dump, export_matrices, from_matrices
-    from gearstab.exchange.rotor import from_ross
-    from gearstab.exchange.torsion import from_opentorsion
+    from gearstab.exchange.programs import from_opentorsion, from_ross
 
 ROOMS = {
     "api.configurations": ("build", "info", "load"),
     "api.runs": ("design", "plot", "respond", "save", "sweep"),
     "api.stability": ("boundaries", "floquet", "perturbation"),
     "exchange.files": ("dump", "export_matrices", "from_matrices"),
-    "exchange.rotor": ("from_ross",),
-    "exchange.torsion": ("from_opentorsion",),
+    "exchange.programs": ("from_opentorsion", "from_ross"),
 }
 """Module -> the public functions in it."""
 PLACES = {name: f"gearstab.{module}" for module, names in ROOMS.items() for name in names}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearstab.api.configurations import Source, as_config
+from gearstab.sweep import Reporter
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,7 +38,7 @@ def sweep(
     Raises ConfigError for a wrong configuration, RequestError for a large sweep that is not confirmed, and SweepError
     where it could not be finished.
     """
-    from gearstab.api.progress import reporter
+    from gearstab.api.runs import reporter
     from gearstab.results.read import from_bytes
     from gearstab.sweep import plan, run_in_memory
     from gearstab.sweep.effort import limits
@@ -73,7 +75,7 @@ def design(config: Source, *, progress: bool | None = None) -> xr.DataTree:
     config: as in :func:`gearstab.load`, with the section ``design``. progress: as in :func:`sweep`. The answer in words
     is the attribute ``answer`` of the group ``design``. Raises ConfigError and NotPossible.
     """
-    from gearstab.api.progress import reporter
+    from gearstab.api.runs import reporter
     from gearstab.design import check
     from gearstab.design import design as find
     from gearstab.results.read import from_bytes
@@ -146,3 +148,20 @@ def plot(
         with reading(result) as tree:
             return draw(tree, kind, request)[0]
     return draw(result, kind, request)[0]
+
+
+NOTEBOOK = "ipykernel"
+"""A module that is there in a notebook."""
+
+
+def reporter(wanted: bool | None) -> Reporter:
+    """Return a bar if someone can see it; rich draws it in a notebook as well as on a terminal.
+
+    wanted: True or False decides; None: in a notebook and on a terminal.
+    """
+    seen = NOTEBOOK in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
+    if not (seen if wanted is None else wanted):
+        return Reporter()
+    from gearstab.sweep.bar import Bar
+
+    return Bar(lambda text: print(text, file=sys.stderr))  # noqa: T201

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.uncertain import Uncertainties
     from gearstab.systems.base import System  # noqa: F401 - named in quotes
-    from gearstab.systems.parts.respond import Respond
-    from gearstab.systems.parts.respond_pair import PairRespond
+    from gearstab.systems.parts.respond import PairRespond, Respond
 
 
 @dataclass(frozen=True)

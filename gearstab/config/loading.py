@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from gearstab.config.system import SystemSections
     from gearstab.systems.base import System
     from gearstab.systems.parts.mesh import ToothMesh
-    from gearstab.systems.parts.respond import Respond
-    from gearstab.systems.parts.respond_pair import PairRespond
+    from gearstab.systems.parts.respond import PairRespond, Respond
 
 TOP_LEVEL = ("title", "system", "sweep", "methods", "respond", "design")
 """The sections of a document."""

@@ -185,7 +185,7 @@ def _key(path: Path) -> str:
 
 def _gears(document: Document, config: Config, train: Train) -> Iterator[Problem]:
     """Gears of a gearbox whose inertia or mass does not fit their size, and gears that turn too fast for it."""
-    from gearstab.systems.gearbox.rotors import pitch_radius
+    from gearstab.systems.gearbox.bodies import pitch_radius
 
     fastest = _fastest(config, train)
     for k, rotor in enumerate(train.rotors):

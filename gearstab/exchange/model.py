@@ -11,7 +11,7 @@ from gearstab.errors import NotPossible
 from gearstab.floquet.truncation import modes_basis
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
-from gearstab.systems.matrices.file import OF_ROTATION
+from gearstab.systems.matrix_files import OF_ROTATION
 from gearstab.systems.parts.terms import antisymmetric_terms, symmetric
 
 

@@ -24,7 +24,7 @@ from gearstab.errors import NotPossible
 from gearstab.gears.mesh_stiffness import DEGREE, PLAIN, StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import contact_pressure
-from gearstab.waveforms.phase import stiff_fraction
+from gearstab.waveforms.base import stiff_fraction
 from gearstab.waveforms.tooth import Piecewise, nodes, through
 
 Array = np.ndarray

@@ -22,7 +22,7 @@ from gearstab.gears.loaded_helical import NARROW, LoadedHelical, loaded_helical
 from gearstab.gears.mesh_stiffness import StiffnessModel, resolved
 from gearstab.gears.pair import Pair
 from gearstab.gears.relief import LoadedMesh, Relief, crossings, distinct, single_curve
-from gearstab.waveforms.phase import stiff_fraction, wrapped
+from gearstab.waveforms.base import stiff_fraction, wrapped
 
 Array = np.ndarray
 

@@ -31,7 +31,7 @@ from numpy.polynomial import chebyshev
 from gearstab.gears.mesh_stiffness import StiffnessModel, resolved
 from gearstab.gears.pair import Pair
 from gearstab.gears.relief import APART, LoadedMesh, Relief, crossings, distinct, single_curve
-from gearstab.waveforms.phase import stiff_fraction, wrapped
+from gearstab.waveforms.base import stiff_fraction, wrapped
 from gearstab.waveforms.tooth import Piecewise
 
 Array = np.ndarray

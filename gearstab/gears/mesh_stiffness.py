@@ -16,7 +16,7 @@ from gearstab.errors import NotPossible
 from gearstab.gears.compliance import pair_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.waveforms import Fourier, Helical
-from gearstab.waveforms.phase import stiff_fraction
+from gearstab.waveforms.base import stiff_fraction
 from gearstab.waveforms.tooth import Piecewise, Tooth, averaged, nodes, through
 
 Array = np.ndarray

@@ -14,7 +14,7 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.gears.geometry import Gear, inverse_involute, involute
 from gearstab.gears.profile import tooth_profile
-from gearstab.waveforms.phase import wrapped
+from gearstab.waveforms.base import wrapped
 
 Array = np.ndarray
 

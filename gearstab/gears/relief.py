@@ -22,7 +22,7 @@ from numpy.polynomial import chebyshev
 from gearstab.gears.mesh_stiffness import DEGREES, RESOLVED, MeshStiffness, StiffnessModel, single_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.waveforms import Profile
-from gearstab.waveforms.phase import wrapped
+from gearstab.waveforms.base import wrapped
 from gearstab.waveforms.tooth import Piecewise, Tooth
 
 Array = np.ndarray

@@ -10,8 +10,8 @@ from gearstab.info.tables import table
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.system import GearSystem
-    from gearstab.systems.gearbox.planet_set import TrainSet
-    from gearstab.systems.gearbox.train import Train, TrainMesh
+    from gearstab.systems.gearbox.planet_set import TrainMesh, TrainSet
+    from gearstab.systems.gearbox.train import Train
 
 NOTICES = {
     "undercut": "undercut, the profile shift is {number:.4g} and should be at least {limit:.4g}",

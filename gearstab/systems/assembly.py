@@ -17,8 +17,7 @@ import numpy as np
 from gearstab.connections import Connection, MachineElement
 from gearstab.mesh import Mesh
 from gearstab.system import Array, GearSystem
-from gearstab.systems.parts.damping import with_damping
-from gearstab.systems.parts.forcing import with_forcing
+from gearstab.systems.parts.forcing import with_damping, with_forcing
 from gearstab.systems.parts.mesh import build_mesh
 
 Row = Mapping[str, Any]

@@ -14,7 +14,7 @@ from gearstab.config.model.conflicts import Conflict, items, plain_number, repea
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section, optional
 from gearstab.config.model.reading import told
 from gearstab.systems import feasibility
-from gearstab.systems.parts.damping import Damping
+from gearstab.systems.parts.forcing import Damping
 from gearstab.systems.parts.mesh import ToothMesh
 
 if TYPE_CHECKING:
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from gearstab.config.model.axes import Axis, Grid
     from gearstab.system import Array, GearSystem
     from gearstab.systems.gearbox.train import Train
-    from gearstab.systems.parts.respond import Respond
-    from gearstab.systems.parts.respond_pair import PairRespond
+    from gearstab.systems.parts.respond import PairRespond, Respond
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from gearstab.waveforms import Rectangular
 
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Axis
-    from gearstab.systems.parts.respond_pair import PairRespond
+    from gearstab.systems.parts.respond import PairRespond
 
 OF_GEARS = ("teeth", "inertias", "torsional_stiffness", "single_contact_angle", "torque", "module", "radii")
 """Keys of a pair that is given by its gears, and not by an equivalent mass and a mesh."""
@@ -80,8 +80,7 @@ class GearPair(System):
     def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
         """The load as a number by itself."""
         if isinstance(raw.get("load"), int | float | str):
-            raw["load"] = [raw["load"]]
-            document.move(("system", "load"), ("system", "load", 0))
+            document.nest(("system", "load"), 0)
 
     def conflicts(self) -> Iterator[Conflict]:
         """A load of one number."""
@@ -151,7 +150,7 @@ class RotatingGearPair(System):
 
     @classmethod
     def respond_model(cls) -> type[PairRespond]:
-        from gearstab.systems.parts.respond_pair import PairRespond
+        from gearstab.systems.parts.respond import PairRespond
 
         return PairRespond
 

@@ -12,8 +12,7 @@ from pydantic import Field
 from gearstab.config.model.axes import vector
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import Number, optional
-from gearstab.waveforms.base import Array, Keys, Waveform
-from gearstab.waveforms.phase import wrapped
+from gearstab.waveforms.base import Array, Keys, Waveform, wrapped
 
 MOST_HARMONICS = 200
 

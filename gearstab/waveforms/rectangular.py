@@ -7,8 +7,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from gearstab.waveforms.base import Array, Waveform, as_array
-from gearstab.waveforms.phase import stiff_fraction, wrapped
+from gearstab.waveforms.base import Array, Waveform, as_array, stiff_fraction, wrapped
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from gearstab.config.model.axes import vector
 from gearstab.config.model.conflicts import Conflict, exactly_one
 from gearstab.config.model.units import Quantity
 from gearstab.errors import NotPossible
-from gearstab.waveforms.base import Array, Keys, Waveform, WrongSample, as_array
-from gearstab.waveforms.phase import wrapped
+from gearstab.waveforms.base import Array, Keys, OfStiffness, Waveform, WrongSample, as_array, wrapped
 from gearstab.waveforms.samples import (
     FileKeys,
     SampleKeys,
@@ -25,7 +24,6 @@ from gearstab.waveforms.samples import (
     wrong_order,
 )
 from gearstab.waveforms.splines import FEWEST, Pieces, interpolate
-from gearstab.waveforms.stiffness import OfStiffness
 
 TORQUE = Quantity("N m")
 

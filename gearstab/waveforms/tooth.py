@@ -13,10 +13,8 @@ from numpy.polynomial import chebyshev, legendre
 from pydantic import Field
 
 from gearstab.config.model.fields import Whole
-from gearstab.waveforms.base import Array, Keys
+from gearstab.waveforms.base import Array, Keys, OfStiffness, wrapped
 from gearstab.waveforms.fourier import MOST_HARMONICS
-from gearstab.waveforms.phase import wrapped
-from gearstab.waveforms.stiffness import OfStiffness
 
 ROUNDING = 1e-14  # relative: coefficients below it are left out
 NO_WIDTH = 1e-12

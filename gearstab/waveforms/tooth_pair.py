@@ -14,11 +14,9 @@ from gearstab.config.model.axes import vector
 from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
 from gearstab.config.model.fields import Choice, NonNegative, optional
 from gearstab.config.model.units import Quantity
-from gearstab.waveforms.base import Array, Keys, WrongSample, as_array
-from gearstab.waveforms.phase import stiff_fraction, wrapped
+from gearstab.waveforms.base import Array, Keys, OfStiffness, WrongSample, as_array, stiff_fraction, wrapped
 from gearstab.waveforms.samples import SampleKeys, missing_source, sample_conflicts, wrong_number, wrong_order
 from gearstab.waveforms.splines import Pieces, cubic_extremes, interpolate
-from gearstab.waveforms.stiffness import OfStiffness
 
 PARABOLA_ENDS = 0.55
 """Stiffness at the ends of contact over that in its middle, of Cai & Hayashi's approximation."""

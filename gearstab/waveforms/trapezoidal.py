@@ -9,8 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.units import Quantity
-from gearstab.waveforms.base import Array, Keys, Waveform, as_array
-from gearstab.waveforms.phase import stiff_fraction, wrapped
+from gearstab.waveforms.base import Array, Keys, Waveform, as_array, stiff_fraction, wrapped
 
 
 class TrapezoidalKeys(Keys):

@@ -19,7 +19,7 @@ import xarray as xr
 from scenes import CONFIGS, ROOT, TRAIN, ran, written
 
 import gearstab as gs
-from gearstab.api import progress
+from gearstab.api import runs
 from gearstab.errors import DoubtWarning, PlotError, RequestError
 from gearstab.results import open_result
 from gearstab.sweep import Reporter, plan
@@ -154,12 +154,12 @@ def test_an_interrupt_is_one_of_python_and_ends_all_processes(tmp_path: Path) ->
 
 
 def test_who_sees_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert isinstance(progress.reporter(True), Bar)
-    assert type(progress.reporter(False)) is Reporter
+    assert isinstance(runs.reporter(True), Bar)
+    assert type(runs.reporter(False)) is Reporter
     monkeypatch.setattr(sys.stderr, "isatty", lambda: False, raising=False)
-    assert type(progress.reporter(None)) is Reporter
-    monkeypatch.setitem(sys.modules, progress.NOTEBOOK, sys)
-    assert isinstance(progress.reporter(None), Bar)
+    assert type(runs.reporter(None)) is Reporter
+    monkeypatch.setitem(sys.modules, runs.NOTEBOOK, sys)
+    assert isinstance(runs.reporter(None), Bar)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from scenes import DATA
 
 from gearstab.gears.geometry import Gear
 from gearstab.gears.profile import tooth_profile
-from gearstab.systems.gearbox import rotors
+from gearstab.systems.gearbox import bodies
 
 REFERENCE = json.loads((DATA / "gears_reference.json").read_text())
 
@@ -121,8 +121,8 @@ def test_discs_of_the_reference() -> None:
     for z, bore, mass, polar in zip(*(data[k] for k in ("teeth", "bore_radius", "mass", "polar")), strict=True):
         gear = Gear(z, data["module"], face_width=data["face_width"])
         rotor = {"body_radius": gear.base_radius, "bore_radius": bore, "face_width": gear.face_width}
-        assert isclose(rotors.mass(rotor, density), mass, rel_tol=1e-8)
-        assert isclose(rotors.inertia(rotor, density), polar, rel_tol=1e-8)
+        assert isclose(bodies.mass(rotor, density), mass, rel_tol=1e-8)
+        assert isclose(bodies.inertia(rotor, density), polar, rel_tol=1e-8)
 
 
 def test_what_a_rack_cannot_cut() -> None:

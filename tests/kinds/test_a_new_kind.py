@@ -20,7 +20,7 @@ from gearstab.config.schema import commented, schema
 from gearstab.system import GearSystem
 from gearstab.systems import KINDS, build
 from gearstab.systems.base import Start, System
-from gearstab.systems.parts.damping import with_damping
+from gearstab.systems.parts.forcing import with_damping
 from gearstab.systems.parts.mesh import NamedToothMesh, build_mesh
 
 

@@ -23,7 +23,7 @@ from gearstab.response.linear.periodic import steady_state
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.gearbox.train import Train
-from gearstab.systems.parts.weak_tooth import equal_shares, missing, over_the_width
+from gearstab.systems.parts.faults import equal_shares, missing, over_the_width
 from gearstab.waveforms import Rectangular
 
 REFERENCE = json.loads((DATA / "rotation" / "weak_teeth.json").read_text())

@@ -148,6 +148,13 @@ class Document:
             self.put(path, value, place)
         return missing
 
+    def nest(self, path: Path, key: str | int) -> None:
+        """Put the value at a path into a mapping or, for an index, a list, as its only entry."""
+        container: Any = self.get(path[:-1])
+        value = container[path[-1]]
+        container[path[-1]] = {key: value} if isinstance(key, str) else [value]
+        self.move(path, (*path, key))
+
     def move(self, source: Path, target: Path) -> None:
         """Let everything that stands below ``source`` be found below ``target``; the data is the caller's."""
         for table in (self.values, self.keys):

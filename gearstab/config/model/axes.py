@@ -1,4 +1,4 @@
-"""Axes of a grid, and the parameters at chosen points of it."""
+"""Axes of a grid, the parameters at chosen points of it, and arrays of parameters that may be arrays themselves."""
 
 from __future__ import annotations
 

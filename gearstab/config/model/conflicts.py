@@ -1,4 +1,4 @@
-"""Contradictions within a section, beyond the limits of each value by itself.
+"""What is wrong with a section: contradictions that rules find, and errors of pydantic, as problems with a remedy.
 
 Rules look at typed sections; :mod:`gearstab.config.model.reading` says what they find of values that are wrong.
 """

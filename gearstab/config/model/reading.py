@@ -1,4 +1,4 @@
-"""From plain data to a section, as far as it is right: rules then look at values of the right type only.
+"""From plain data to a section as far as it is right, and the types of its fields.
 
 A value that is wrong or missing is WRONG in the section. It counts as given, and whatever else a rule asks of it ends
 the rule (:class:`SkipRule`): that it is wrong is reported by itself, and nothing can be said of what depends on it.

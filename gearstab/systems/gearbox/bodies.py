@@ -1,10 +1,11 @@
-"""Sections of the bodies of a gearbox: rotors, their teeth and supports, shafts, and what they are made of."""
+"""Bodies of a gearbox: sections of rotors, supports, shafts and material; masses, inertias, radii and hands."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict, within
@@ -26,8 +27,103 @@ from gearstab.config.model.fields import (
     optional,
 )
 from gearstab.config.model.units import Quantity
-from gearstab.systems.gearbox.rotors import HANDS, moves, slides
+from gearstab.gears.geometry import transverse_angle
+from gearstab.system import Array
+from gearstab.systems.kinematics import TrainError
 from gearstab.systems.parts.mesh import Named
+
+HANDS = ("right", "left")
+"""Hands of helices."""
+STEEL = {"young": 206.8e9, "poisson": 0.3, "density": 7850.0, "shear": 80e9}
+
+
+def moves(support: Any) -> bool:
+    """Return whether a rotor with this support moves in its plane: it has a lateral stiffness."""
+    return support is not None and support.stiffness is not None
+
+
+def slides(support: Any) -> bool:
+    """Return whether a rotor with this support moves along its axis: it has an axial stiffness."""
+    return support is not None and support.axial_stiffness is not None
+
+
+def turns(support: Any, held: bool) -> bool:
+    """Return whether a rotor has a rotation: all but held ones without a torsional support."""
+    return not held or (support is not None and support.torsional_stiffness is not None)
+
+
+def number(value: Any, default: float = 0.0) -> Array:
+    """Return a number, which may be an array of batch shape, or the default for None."""
+    return np.asarray(default if value is None else value, dtype=float)
+
+
+def pitch_radius(rotor: dict[str, Any]) -> Array:
+    """m_t z/2."""
+    return 0.5 * number(rotor.get("module")) / np.cos(number(rotor.get("helix_angle"))) * float(rotor["teeth"])
+
+
+def base_radius(rotor: dict[str, Any]) -> Array:
+    """R_b = (m_t z/2) cos alpha_t."""
+    alpha, beta = number(rotor.get("pressure_angle")), number(rotor.get("helix_angle"))
+    return pitch_radius(rotor) * np.cos(np.vectorize(transverse_angle, otypes=[float])(alpha, beta))
+
+
+def other(hand: str) -> str:
+    """Return the opposite hand."""
+    return HANDS[1 - HANDS.index(hand)]
+
+
+def hands(rotors: Sequence[dict[str, Any]], mates: Sequence[tuple[int, int, bool]]) -> list[str]:
+    """Return the hand of every rotor: as given by ``hand`` or a negative helix angle, else such as meshes.
+
+    mates: numbers of two gears in mesh, and whether their hands are equal. The first gear of which nothing follows is
+    right-handed. Raises TrainError for a right hand with a negative angle.
+    """
+    found: dict[int, str] = {}
+    for k, rotor in enumerate(rotors):
+        negative, hand = np.any(number(rotor.get("helix_angle")) < 0), rotor.get("hand")
+        if negative and hand == "right":
+            message = "is right, and the helix_angle is negative, that of a left-handed gear"
+            raise TrainError(("rotors", k, "hand"), message, "remove one of the two, or change it")
+        if negative or hand is not None:
+            found[k] = "left" if negative else str(hand)
+    for k in range(len(rotors)):
+        while spread := {
+            b: found[a] if equal else other(found[a])
+            for one, two, equal in mates
+            for a, b in ((one, two), (two, one))
+            if a in found and b not in found
+        }:
+            found |= spread
+        found.setdefault(k, "right")
+    return [found[k] for k in range(len(rotors))]
+
+
+def _disc(rotor: dict[str, Any], density: Array | float) -> tuple[Array, Array]:
+    """(mass, sum of both radii squared) of a disc of the face width with a bore, of an internal gear of its rim."""
+    outer = number(rotor.get("body_radius")) if rotor.get("body_radius") is not None else pitch_radius(rotor)
+    inner = number(rotor.get("bore_radius"))
+    if rotor.get("internal") and rotor.get("bore_radius") is not None:
+        outer = inner if rotor.get("body_radius") is None else outer
+        inner = pitch_radius(rotor)
+    mass = np.pi * density * number(rotor.get("face_width")) * (outer**2 - inner**2)
+    return mass, outer**2 + inner**2
+
+
+def mass(rotor: dict[str, Any], density: Array | float) -> Array:
+    """Return the mass as given, or that of a disc of radius ``body_radius`` (the pitch radius without) and
+    ``bore_radius``.
+    """
+    return number(rotor.get("mass")) if rotor.get("mass") is not None else _disc(rotor, density)[0]
+
+
+def inertia(rotor: dict[str, Any], density: Array | float) -> Array:
+    """Return the inertia as given, or m (R^2 + R_i^2)/2 of that disc."""
+    if rotor.get("inertia") is not None:
+        return number(rotor.get("inertia"))
+    solid, squares = _disc(rotor, density)
+    return 0.5 * solid * squares
+
 
 PressureAngle = Annotated[float, Field(gt=0, lt=0.7853), Quantity("rad")]
 Pressure = Annotated[float, Field(gt=0), Quantity("Pa")]
@@ -152,3 +248,26 @@ class Material(Section):
     """rho (kg/m^3); 7850 without."""
     shear: Pressure | None = optional("shear modulus of shafts")
     """G (Pa); 80 GPa without."""
+
+
+def line_of_action(
+    position: Array | float, pressure_angle: Array | float, sense: int, internal: int | None = None
+) -> tuple[Array, Array]:
+    """n, the direction in which the driver pushes the driven gear.
+
+        external gears     psi + sense (90 deg - phi_w)
+        internal driven    psi + 180 deg + sense (90 deg - phi_w)
+        internal driver    psi + sense (90 deg + phi_w)
+
+    The flank of the external gear is pushed towards its own centre; where one gear is internal, both centres lie on the
+    same side of the pitch point. Turning the whole train as one body leaves the teeth alone: r_b1 w_1 - r_b2 w_2 +
+    n . (u_1 - u_2) = 0.
+
+    position: psi, from the centre of the driver to that of the driven gear, rad.
+    sense: 1 where the driver turns counter-clockwise, -1 where clockwise.
+    internal: 0 where the driver is internal, 1 where the driven gear is.
+    """
+    right, phi = 0.5 * np.pi, np.asarray(pressure_angle)
+    turn = np.pi if internal == 1 else 0.0
+    angle = np.asarray(position) + turn + sense * (right + phi if internal == 0 else right - phi)
+    return np.cos(angle), np.sin(angle)

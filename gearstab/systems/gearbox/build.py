@@ -21,8 +21,8 @@ from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm, RevolutionError
 from gearstab.rotation import Rotation
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
-from gearstab.systems.gearbox import friction, rotors
-from gearstab.systems.gearbox.bodies import Support
+from gearstab.systems.gearbox import loads
+from gearstab.systems.gearbox.bodies import Support, base_radius, number
 from gearstab.systems.gearbox.loads import dampers, torques
 from gearstab.systems.gearbox.mesh import from_teeth
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet, TrainSetRows
@@ -50,7 +50,7 @@ def build(p: Any) -> GearSystem:
     system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries), rotations=rotations)
     system = replace(system, forces=(*system.forces, *_reliefs(train, system)))
     system = replace(system, meshes=tuple(_with_errors(train, system)))
-    whole = _rubbed(train, system, [rotors.number(item.p.damping) for item in pairs])
+    whole = _rubbed(train, system, [number(item.p.damping) for item in pairs])
     return replace(whole, meshes=(*whole.meshes, *_weak_teeth(train, whole)))
 
 
@@ -74,7 +74,7 @@ def _reliefs(train: Train, system: GearSystem) -> Iterator[PeriodicForce]:
         if not mesh.teeth.relieved:
             continue
         start = mesh.teeth.start
-        profile = ReliefForce(friction.level(item), start, mesh.teeth.error, mesh.teeth.force)
+        profile = ReliefForce(loads.level(item), start, mesh.teeth.error, mesh.teeth.force)
         lag = np.asarray(item.lag) - start
         yield PeriodicForce(f"relief of {item.name}", item.direction, profile, item.frequency_ratio, lag, item.name)
 
@@ -139,8 +139,8 @@ def _turning(train: Train, rows: TrainSetRows) -> Rotation:
 def _drag(train: Train, rotor: int, key: str = "stiffness") -> Array:
     """The damping of a lateral or an axial support, 2 zeta sqrt(k m)."""
     support = train.rotors[rotor]["support"]
-    k = rotors.number(support[key])
-    return train.damping_factor * 2 * rotors.number(support.damping_ratio) * np.sqrt(k * train.masses[rotor])
+    k = number(support[key])
+    return train.damping_factor * 2 * number(support.damping_ratio) * np.sqrt(k * train.masses[rotor])
 
 
 def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
@@ -153,9 +153,9 @@ def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
             p, teeth = item.teeth.filled(name), (item.teeth.sun, item.teeth.ring)[k]
             angle = teeth.each(lambda pair: pair.pressure_angle)
             inertia = item.teeth.body("planet")[1]
-        ends = [(rotors.base_radius(item.teeth.gears["planet"]), inertia)]
+        ends = [(base_radius(item.teeth.gears["planet"]), inertia)]
         if (row := rows.rotation(name)) and row.keys() <= train.place.keys():
-            ends.append((rotors.base_radius(item.teeth.gears[name]), train.inertias[train.place[item.p[name]]]))
+            ends.append((base_radius(item.teeth.gears[name]), train.inertias[train.place[item.p[name]]]))
         mobility = sum((r**2 / j for r, j in ends), np.zeros(()))
         for n, mesh in zip(rows.numbers, known[k * item.count :], strict=False):
             along = {key: flank * value for key, value in rows.deflection(name, n, flank * angle).items()}
@@ -169,9 +169,9 @@ def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
 def _damped(train: Train, found: MeshElement, mass: Array) -> MeshElement:
     """Return the mesh with its damping, c = 2 zeta sqrt(k m_e) (Kuria & Kihiu 2008). mass: m_e."""
     p = found.p
-    drag = rotors.number(p.damping)
+    drag = number(p.damping)
     if p.damping_ratio is not None:
-        drag = 2 * rotors.number(p.damping_ratio) * np.sqrt(found.wave.mean_stiffness * mass)
+        drag = 2 * number(p.damping_ratio) * np.sqrt(found.wave.mean_stiffness * mass)
     drag = train.damping_factor * drag
     return replace(found, p=p.model_copy(update={"damping": drag if np.any(drag) else None}))
 
@@ -198,14 +198,14 @@ def mesh_element(train: Train, k: int) -> MeshElement:
     clockwise, else -tan beta_b; m_e = J_1 J_2/(R_b1^2 J_2 + R_b2^2 J_1).
     """
     gears, p, push = train.pairs[k], _filled(train, k), train.push(k)
-    r1, r2 = (rotors.base_radius(train.rotors[gear]) for gear in gears)
+    r1, r2 = (base_radius(train.rotors[gear]) for gear in gears)
     turned: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2}
     lead = train.sense(k) * train.teeth_of(k).lead
     row = total(
         turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])),
         train.slide(gears[0], -lead), train.slide(gears[1], lead),
     )  # fmt: skip
-    lag = rotors.number(p.lag) + train.teeth_of(k).start
+    lag = number(p.lag) + train.teeth_of(k).start
     found = MeshElement(p, row, train.frequency_ratio(train.motions[k]), lag)
     j1, j2 = (train.inertias[gear] for gear in gears)
     return _damped(train, found, j1 * j2 / (r1**2 * j2 + r2**2 * j1))
@@ -216,7 +216,7 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
     laws = [p.friction for p in train.p.meshes]
     if not any(laws):
         return system
-    forces = np.abs(friction.static_forces(system))
+    forces = np.abs(loads.static_forces(system))
     terms: list[PeriodicTerm] = []
     pushes: list[PeriodicForce] = []
     for k, law in enumerate(laws):
@@ -224,7 +224,7 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
             continue
         teeth, gears = train.teeth_of(k), train.pairs[k]
         plain = law.kind == "constant"
-        speed = 1.0 if plain else rotors.number(train.p.input.speed) * float(abs(train.speeds[train.name(gears[0])]))
+        speed = 1.0 if plain else number(train.p.input.speed) * float(abs(train.speeds[train.name(gears[0])]))
         try:
             rubbing = teeth.friction(
                 law, np.asarray(speed), np.ones(()) if plain else forces[..., k - len(train.pairs)]
@@ -232,21 +232,21 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
         except NotPossible as error:
             remedy = "change the teeth or the operating point"
             raise TrainError(("meshes", k, "friction"), error.message, remedy) from None
-        arms = friction.arms(train, gears, rubbing, train.push(k), train.sense(k), teeth.pairs[0].wheel_drives)
+        arms = loads.arms(train, gears, rubbing, train.push(k), train.sense(k), teeth.pairs[0].wheel_drives)
         item, follows = system.meshes[k - len(train.pairs)], train.p.meshes[k].damping_follows_stiffness
-        terms += friction.terms(item, rubbing, arms, drag[k], follows)
-        pushes += friction.forces(item, rubbing, arms)
+        terms += loads.terms(item, rubbing, arms, drag[k], follows)
+        pushes += loads.forces(item, rubbing, arms)
     return replace(system, terms=(*system.terms, *terms), forces=(*system.forces, *pushes))
 
 
 def shaft_stiffness(train: Train, shaft: Any) -> Array:
     """k as given, or G pi (d^4 - d_i^4)/(32 l) of a round shaft, N m/rad."""
     if shaft.stiffness is not None:
-        return rotors.number(shaft.stiffness)
-    polar = np.pi / 32 * (rotors.number(shaft.diameter) ** 4 - rotors.number(shaft.bore) ** 4)
+        return number(shaft.stiffness)
+    polar = np.pi / 32 * (number(shaft.diameter) ** 4 - number(shaft.bore) ** 4)
     if not np.all(polar > 0):
         raise TrainError(("shafts", train.p.shafts.index(shaft), "bore"), "leaves nothing of the shaft", "reduce it")
-    return np.asarray(train.material["shear"]) * polar / rotors.number(shaft.length)
+    return np.asarray(train.material["shear"]) * polar / number(shaft.length)
 
 
 def shaft_elements(train: Train) -> Iterator[Element]:
@@ -255,7 +255,7 @@ def shaft_elements(train: Train) -> Iterator[Element]:
         first, second = shaft.between
         j1, j2 = (train.inertias[train.place[end]] for end in (first, second))
         k = shaft_stiffness(train, shaft)
-        c = 2 * rotors.number(shaft.damping_ratio) * np.sqrt(k * j1 * j2 / (j1 + j2))
+        c = 2 * number(shaft.damping_ratio) * np.sqrt(k * j1 * j2 / (j1 + j2))
         yield Element({first: 1.0, second: -1.0}, 0.0, k, train.damping_factor * c, shaft.name, MachineElement.SHAFT)
 
 
@@ -268,12 +268,12 @@ def _supports(train: Train) -> Iterator[Element]:
     """Yield mass and support of every rotor that moves in its plane or along its axis, and torsional supports."""
     for rotor, mass in train.masses.items():
         support, name = train.rotors[rotor]["support"], train.name(rotor)
-        k, axial = rotors.number(support.stiffness), rotors.number(support.axial_stiffness)
+        k, axial = number(support.stiffness), number(support.axial_stiffness)
         for way, along in (("x", (1.0, 0.0)), ("y", (0.0, 1.0))):
             yield Element(train.shift(rotor, along), mass, k, _drag(train, rotor), f"{name}.{way}")
         yield Element(train.slide(rotor, 1.0), mass, axial, _drag(train, rotor, "axial_stiffness"), f"{name}.z")
     for rotor, p in enumerate(train.rotors):
         support = p.get("support") or Support()
-        k = rotors.number(support.torsional_stiffness)
-        c = 2 * rotors.number(support.damping_ratio) * np.sqrt(k * train.inertias[rotor])
+        k = number(support.torsional_stiffness)
+        c = 2 * number(support.damping_ratio) * np.sqrt(k * train.inertias[rotor])
         yield Element(train.rotation(rotor), 0.0, k, train.damping_factor * c, train.name(rotor), MachineElement.SHAFT)

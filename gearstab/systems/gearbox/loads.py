@@ -1,4 +1,10 @@
-"""Effect of the torques of a train on its rotors and on the teeth of its meshes, at rest, by virtual work alone."""
+"""Torques of a train, what they do to rotors and teeth at rest, and the sliding friction that follows.
+
+Friction adds sigma mu h (k_p g^T q + c_p g^T q') to the left side for every pair of teeth in contact, h = u + s v; see
+:mod:`gearstab.gears.friction`. With the load shares k_p/k as functions of the mesh phase it is the mesh stiffness and
+damping, whatever their wave, times these functions along u and v: the rigid-body motion, g^T q = 0, feels none of it.
+The terms are not symmetric.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +14,13 @@ from typing import Any
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.system import Array
-from gearstab.systems.assembly import Element
-from gearstab.systems.gearbox import rotors
+from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm
+from gearstab.system import Array, GearSystem
+from gearstab.systems.assembly import Element, Row, total
+from gearstab.systems.gearbox.bodies import base_radius, number
+from gearstab.systems.gearbox.teeth import Rubbing
 from gearstab.systems.kinematics import TrainError
+from gearstab.waveforms import Constant, Product, Profile, Scaled
 
 
 def torques(train: Any) -> dict[str, Array]:
@@ -44,7 +53,7 @@ def end_torque(train: Any, where: tuple[str | int, ...]) -> tuple[Array, Array] 
     p = train.p.input if where == ("input",) else train.p.outputs[int(where[1])]
     if p.torque_law is None:
         return None if p.torque is None else (np.asarray(p.torque, dtype=float), np.zeros(()))
-    speed = rotors.number(train.p.input.speed) * float(abs(train.speeds[p.rotor]))
+    speed = number(train.p.input.speed) * float(abs(train.speeds[p.rotor]))
     try:
         found: tuple[Array, Array] = p.torque_law.at_speed(speed)
     except NotPossible as error:
@@ -77,14 +86,14 @@ def pair_force(train: Any, pair: int) -> Array:
         first, second = motion.gears
         message = f"{second} drives {first} under these torques"
         raise TrainError((*where, "gears"), message, "name the driver first: relief acts at the ends of contact")
-    return unit * taken / rotors.base_radius(train.rotors[train.place[motion.gears[0]]])
+    return unit * taken / base_radius(train.rotors[train.place[motion.gears[0]]])
 
 
 def set_force(train: Any, item: Any) -> Array:
     """Return the normal force of a mesh of a set, N, the same with sun and ring; planets share the load equally."""
     unit = _torque_per_reaction(train, item.where)
     taken = abs(float(train.reactions[item.where])) * item.counted("sun")
-    return unit * taken / (item.count * rotors.base_radius(item.teeth.gears["sun"]))
+    return unit * taken / (item.count * base_radius(item.teeth.gears["sun"]))
 
 
 def _torque_per_reaction(train: Any, where: tuple[str | int, ...]) -> Array:
@@ -96,3 +105,83 @@ def _torque_per_reaction(train: Any, where: tuple[str | int, ...]) -> Array:
     if not applied:
         raise TrainError(where, "relief depends on the load, and there are no torques", "add torque to input")
     return applied[train.p.input.rotor] / abs(float(train.reactions["input",]))
+
+
+def arms(
+    train: Any, gears: tuple[int, int], rubbing: Rubbing, push: tuple[Array, Array], sense: int, swapped: bool
+) -> tuple[Array, Array]:  # fmt: skip
+    """u and v ``(..., n)`` of one mesh, h = u + s v.
+
+    Parameters
+    ----------
+    gears: numbers of driver and driven gear. sense: 1 where the driver turns counter-clockwise.
+    push: n, the direction of the driver's force on the driven gear.
+    swapped: whether the pinion that friction counts from is the driven gear.
+    """
+    pinion, wheel = gears[::-1] if swapped else gears
+    # Where the internal gear drives, the pinion presses the teeth together by turning back: its positive sense, that of
+    # the wheel and n change sign.
+    back = -1.0 if swapped else 1.0
+    n = tuple(back * np.asarray(part) for part in push)
+    t = (-back * sense * n[1], back * sense * n[0])
+    lever: Row = {train.name(wheel): -back * rubbing.length}
+    arm = total(lever, train.shift(pinion, t), train.shift(wheel, (-t[0], -t[1])))
+    turn = {train.name(pinion): back, train.name(wheel): back * rubbing.wheel_sign}
+    return train.coordinates.vector(arm), train.coordinates.vector(turn)
+
+
+def terms(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array], damping: Array, follows: bool) -> list[PeriodicTerm]:
+    """The two terms of one mesh, along u and along v.
+
+    damping: of the mesh, N s/m; follows: whether it varies as the mesh stiffness does.
+    """
+    drag: Profile | None = None
+    if np.any(damping):
+        drag = Scaled(mesh.waveform, damping, 2 * mesh.epsilon * damping) if follows else Constant(damping)
+    return [
+        PeriodicTerm(
+            name, left, mesh.direction, Product(level(mesh), share), None if drag is None else Product(drag, share),
+            mesh.frequency_ratio, mesh.lag,
+        )
+        for name, left, share in _parts(mesh, rubbing, ends)
+    ]  # fmt: skip
+
+
+def forces(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array]) -> list[PeriodicForce]:
+    """Return the forces that a transmission error e adds: the mesh force is k (g^T q - e), and so friction has sigma mu
+    h k_p e less.
+
+    Its damping part, c_p de/dt, is small of second order (friction times damping) and left out.
+    """
+    error = mesh.transmission_error
+    if error is None:
+        return []
+    return [
+        PeriodicForce(name, left, Product(Product(level(mesh), share), error), mesh.frequency_ratio, mesh.lag)
+        for name, left, share in _parts(mesh, rubbing, ends)
+    ]
+
+
+def level(mesh: Mesh) -> Profile:
+    """Return k(x)."""
+    return Scaled(mesh.waveform, mesh.mean_stiffness, 2 * mesh.amplitude)
+
+
+def _parts(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array]) -> tuple[tuple[str, Array, Profile], ...]:
+    return (
+        (f"friction of {mesh.name}", ends[0], rubbing.share),
+        (f"friction torque of {mesh.name}", ends[1], rubbing.share_arm),
+    )
+
+
+def static_forces(system: GearSystem) -> Array:
+    """``(..., meshes)``: the mesh forces k_g g^T q under the constant load, without the rigid-body motion."""
+    from gearstab.modal import mean_modes
+
+    modes = mean_modes(system)
+    load = np.zeros(system.size) if system.load is None else np.asarray(system.load)
+    modal = np.einsum("...np,...n->...p", modes.shapes, load)
+    squared = np.where(modes.rigid, np.inf, modes.squared_frequency)
+    deflection = np.einsum("...pi,...p->...i", modes.mesh_deflection, modal / squared)
+    stiffness = np.stack(np.broadcast_arrays(*[mesh.mean_stiffness for mesh in system.meshes]), axis=-1)
+    return np.asarray(stiffness * deflection)

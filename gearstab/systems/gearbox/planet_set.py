@@ -20,11 +20,11 @@ from gearstab.errors import NotPossible
 from gearstab.rotation import Rotation
 from gearstab.system import Array, Cyclic
 from gearstab.systems.assembly import Coordinates, Element, Row, total
-from gearstab.systems.gearbox import rotors
+from gearstab.systems.gearbox.bodies import base_radius, number, other
 from gearstab.systems.gearbox.set_sections import Planets, SetFault, SetPhases
+from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import MeshMotion, TrainError, Where
-from gearstab.systems.planetary.angles import ASSEMBLE, FIT, angles_of
-from gearstab.systems.planetary.feasibility import assembly
+from gearstab.systems.planetary.angles import ASSEMBLE, FIT, angles_of, assembly
 from gearstab.systems.planetary.rows import SetRows, turn_matrix
 from gearstab.systems.planetary.teeth import SetTeeth
 
@@ -32,6 +32,25 @@ MEMBERS = ("sun", "ring", "carrier")
 OF_PLANETS = ("module", "pressure_angle", "helix_angle", "face_width", "addendum", "dedendum")
 """Fields that planets share with the sun by default."""
 TYPES = ("rotational", "translational", "planet")
+
+
+@dataclass(frozen=True)
+class TrainMesh:
+    """One mesh of a train: its name, how its gears turn, the driver first, their teeth, and the lag in mesh periods.
+
+    lag: exact where it follows from numbers of teeth alone. turned: whether the driver is the second gear of ``teeth``.
+    """
+
+    name: str
+    motion: MeshMotion
+    teeth: MeshTeeth
+    lag: Fraction | Array
+    turned: bool = False
+
+    @property
+    def gears(self) -> tuple[str, str]:
+        """Names of driver and driven gear."""
+        return self.motion.gears
 
 
 @dataclass(frozen=True)
@@ -79,7 +98,7 @@ class TrainSet:
         shared = {key: sun[key] for key in OF_PLANETS if key in sun}
         planet = shared | held(self.planets)
         if sun.get("hand") is not None:
-            planet["hand"] = rotors.other(sun["hand"])  # the ring's is that of its rotor
+            planet["hand"] = other(sun["hand"])  # the ring's is that of its rotor
         gears = {"sun": sun, "planet": planet, "ring": self.rotors["ring"]}
         return SetTeeth(gears, dict(self.p.meshes), self.material, self.p.centre_distance, lambda: self.force(self))
 
@@ -142,8 +161,16 @@ class TrainSet:
         phases = self.p.phases or SetPhases()
         with self.told():
             between = self.teeth.lag(phases.rule or "entry", sun_drives)
-        between = between if phases.sun_ring is None else rotors.number(phases.sun_ring)
+        between = between if phases.sun_ring is None else number(phases.sun_ring)
         return {"sun": [*sun], "ring": [(np.asarray(lag, dtype=float) + between) % 1 for lag in sun]}
+
+    def meshes(self, planets_turn: int, sun_drives: bool) -> Iterator[TrainMesh]:
+        """Yield the meshes of sun and planets, then those of planets and ring, as :meth:`lags`."""
+        teeth, lags = {"sun": self.teeth.sun, "ring": self.teeth.ring}, self.lags(planets_turn, sun_drives)
+        for motion, name in zip(self.motions, ("sun", "ring"), strict=True):
+            driven = motion if sun_drives else motion.reversed
+            for n, lag in enumerate(lags[name], start=1):
+                yield TrainMesh(f"{self.name}.{name}.{n}", driven, teeth[name], lag, not sun_drives)
 
     def weak_pairs(self, planets_turn: int, sun_drives: bool) -> Iterator[tuple[str, int, SetFault, int]]:
         """Yield every mesh, ``sun`` or ``ring`` and the planet's number, in which a weak tooth carries, and when.
@@ -197,7 +224,7 @@ class TrainSetRows(SetRows):
     def rotation(self, body: str) -> Row:
         kind, name = body.rstrip("0123456789"), self.name(body)
         teeth = self.item.teeth
-        radius = teeth.centre if kind == "carrier" else rotors.base_radius(teeth.gears[kind])
+        radius = teeth.centre if kind == "carrier" else base_radius(teeth.gears[kind])
         sign = self.signs[self.item.body[kind]]
         return {name: sign * radius} if name in self.coordinates.units else {}
 
@@ -239,8 +266,8 @@ class TrainSetRows(SetRows):
             if support is None:
                 continue
             for way, row in zip(("radial", "tangential"), self.bearing(n), strict=True):
-                k = rotors.number(support.stiffness)
-                c = 2 * rotors.number(support.damping_ratio) * np.sqrt(k * mass)
+                k = number(support.stiffness)
+                c = 2 * number(support.damping_ratio) * np.sqrt(k * mass)
                 yield Element(row, stiffness=k, damping=factor * c, name=f"{self.name(f'planet{n}')}.{way}")
 
     def turning(self, members: Mapping[str, tuple[Any, Any]], ratio: Fraction) -> Rotation:
@@ -248,7 +275,7 @@ class TrainSetRows(SetRows):
         mass, _ = self.item.teeth.body("planet")
         support = self.item.planets.support
         bodies = {**members, **{f"planet{n}": (mass, 0.0) for n in self.numbers}}
-        bearing = None if support is None else rotors.number(support.stiffness)
+        bearing = None if support is None else number(support.stiffness)
         return self.of_frame(self.coordinates, bodies, bearing, ratio)
 
     def cyclic(self) -> Cyclic:

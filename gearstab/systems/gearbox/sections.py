@@ -11,67 +11,29 @@ from pydantic import Field
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, items, within_each
-from gearstab.config.model.fields import AngularFrequency, Choice, NameText, NonNegative, Section, optional
+from gearstab.config.model.fields import NonNegative
 from gearstab.config.model.reading import WRONG, known, told
-from gearstab.config.model.units import Quantity
 from gearstab.system import Array, GearSystem
 from gearstab.systems.base import Start, System
-from gearstab.systems.gearbox.bodies import Material, Rotor, Shaft, Teeth
+from gearstab.systems.gearbox.bodies import Material, Rotor, Shaft, Teeth, moves, slides, turns
 from gearstab.systems.gearbox.build import build
-from gearstab.systems.gearbox.feasibility import check_train
+from gearstab.systems.gearbox.feasibility import check_train, missing_of_teeth
 from gearstab.systems.gearbox.mesh import LUBRICATED, Friction, GearboxMesh
-from gearstab.systems.gearbox.missing import missing_of_teeth
-from gearstab.systems.gearbox.rotors import moves, slides, turns
 from gearstab.systems.gearbox.set_sections import PlanetarySet, by_name, complete_angles, set_fault_conflicts
 from gearstab.systems.gearbox.set_sections import conflicts as set_conflicts
+from gearstab.systems.gearbox.torques import Input, Output, TorqueLaw, torque_of
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.parts.faults import fault_conflicts
 from gearstab.systems.parts.mesh import ToothMesh
-from gearstab.systems.parts.torque_law import TorqueLaw
 
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Axis, Grid
-
-Torque = Annotated[float, Field(gt=0), Quantity("N m")]
-
-
-class Input(Section):
-    """Input of the train."""
-
-    rotor: NameText = Field(title="input rotor")
-    """Name of the rotor that drives the train, where power enters it."""
-    torque: Torque | None = optional("input torque")
-    """On the input rotor (N m); follows from the outputs' without."""
-    torque_law: TorqueLaw | None = optional("torque over the speed")
-    """The input torque as it depends on the speed of the input; its slope damps or drives vibrations."""
-    speed: AngularFrequency | None = optional("nominal speed")
-    """Speed of the input rotor, for friction and torques (rad/s, "1500 rpm"); sweeps set it by the axis input_speed."""
-    sense: Annotated[str, Choice("sense", ("counter-clockwise", "clockwise"))] = Field(
-        default="counter-clockwise", title="sense of rotation"
-    )
-    """Sense of rotation of the input rotor, seen along z."""
-
-
-class Output(Section):
-    """Where power leaves the train."""
-
-    rotor: NameText = Field(title="output rotor")
-    """Name of the rotor that is loaded."""
-    torque: Torque | None = optional("output torque")
-    """It takes (N m); without, the outputs share the input's power equally."""
-    torque_law: TorqueLaw | None = optional("torque over the speed")
-    """The torque it takes as it depends on the speed of the rotor; its slope damps or drives vibrations."""
 
 
 CHANGING = ("passage",)
 """Methods that let the speed of a system change."""
 OVER_SPEED = ("boundaries", "tongue_probability")
 """Methods that search the speeds of a system by themselves."""
-
-
-def _torque(end: Input | Output) -> Any:
-    """The torque of an end of the train, constant or not, None without."""
-    return end.torque if end.torque is not None else end.torque_law
 
 
 class Gearbox(System):
@@ -249,7 +211,7 @@ class Gearbox(System):
 
     def _loaded(self) -> Iterator[Conflict]:
         """The friction of lubricated teeth depends on speed and load, relief on the load."""
-        torques = [_torque(self.input), *(_torque(item) for _, item in items(self.outputs))]
+        torques = [torque_of(self.input), *(torque_of(item) for _, item in items(self.outputs))]
         unloaded = all(torque is None for torque in torques)
         for place, mesh in self.mesh_places():
             friction, relief = (getattr(mesh, key, None) for key in ("friction", "relief"))
@@ -291,15 +253,15 @@ class Gearbox(System):
     def _torques(self) -> Iterator[Conflict]:
         """Torques that balance: of all outputs, or of the input alone."""
         outputs = items(self.outputs)
-        given = [i for i, item in outputs if _torque(item) is not None]
+        given = [i for i, item in outputs if torque_of(item) is not None]
         if given and len(given) < len(outputs):
-            missing = next(i for i, item in outputs if _torque(item) is None)
+            missing = next(i for i, item in outputs if torque_of(item) is None)
             yield ("outputs", missing, "torque"), "missing", "is missing", "give every output a torque, or none"
-        if given and _torque(self.input) is not None:
+        if given and torque_of(self.input) is not None:
             message = "follows from the torques of the outputs"
             key = "torque" if self.input.torque is not None else "torque_law"
             yield ("input", key), "already_given", message, "remove it, or the torques of the outputs"
-        if _torque(self.input) is not None and not outputs:
+        if torque_of(self.input) is not None and not outputs:
             yield ("outputs",), "missing", "are missing", "name the rotors that take the torque"
         seen = {self.input.rotor: "the input"}
         for i, item in outputs:

@@ -34,8 +34,7 @@ from gearstab.systems.gearbox.mesh import MEANS, TrainMeshKeys, relief_conflicts
 from gearstab.systems.parts.faults import Fault, fault_conflicts
 from gearstab.systems.parts.mesh import Named, ToothMesh
 from gearstab.systems.planetary import angles
-from gearstab.systems.planetary.angles import ASSEMBLE
-from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly
+from gearstab.systems.planetary.angles import ASSEMBLE, MOST_PLANETS, assembly
 from gearstab.systems.planetary.phasing import RULES
 
 MEMBERS = ("sun", "ring", "carrier")

@@ -13,30 +13,12 @@ from gearstab.config.model.reading import held
 from gearstab.errors import NotPossible
 from gearstab.system import Array
 from gearstab.systems.assembly import Coordinates, Row
-from gearstab.systems.gearbox import rotors
+from gearstab.systems.gearbox import bodies
+from gearstab.systems.gearbox.bodies import STEEL, hands, line_of_action, moves, number, slides, turns
 from gearstab.systems.gearbox.loads import pair_force, set_force
-from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet
+from gearstab.systems.gearbox.planet_set import MEMBERS, TrainMesh, TrainSet
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undetermined, Where, alike, reactions, solve
-
-
-@dataclass(frozen=True)
-class TrainMesh:
-    """One mesh of a train: its name, how its gears turn, the driver first, their teeth, and the lag in mesh periods.
-
-    lag: exact where it follows from numbers of teeth alone. turned: whether the driver is the second gear of ``teeth``.
-    """
-
-    name: str
-    motion: MeshMotion
-    teeth: MeshTeeth
-    lag: Fraction | Array
-    turned: bool = False
-
-    @property
-    def gears(self) -> tuple[str, str]:
-        """Names of driver and driven gear."""
-        return self.motion.gears
 
 
 @dataclass(frozen=True)
@@ -49,14 +31,14 @@ class Train:
     def rotors(self) -> list[dict[str, Any]]:
         """Gears with what they share, and the hand of each where one is helical."""
         shared, own = held(self.p.gears), [held(rotor) for rotor in self.p.rotors]
-        found = [shared | rotor if rotors.is_gear(rotor) else rotor for rotor in own]
+        found = [shared | rotor if rotor.get("teeth") is not None else rotor for rotor in own]
         if all(rotor.get("helix_angle") is None for rotor in found):
             return found
         place = {rotor["name"]: k for k, rotor in enumerate(own)}
         mates = [(place[item.sun], place[item.ring], False) for item in self.p.planetary_sets]
         for one, two in ([place[name] for name in mesh.gears] for mesh in self.p.meshes):
             mates.append((one, two, bool(own[one].get("internal") or own[two].get("internal"))))
-        return [rotor | {"hand": hand} for rotor, hand in zip(found, rotors.hands(found, mates), strict=True)]
+        return [rotor | {"hand": hand} for rotor, hand in zip(found, hands(found, mates), strict=True)]
 
     @cached_property
     def place(self) -> dict[str, int]:
@@ -79,11 +61,11 @@ class Train:
 
     @property
     def damping_factor(self) -> Array:
-        return rotors.number(self.p.damping_factor)
+        return number(self.p.damping_factor)
 
     @property
     def material(self) -> dict[str, Any]:
-        return rotors.STEEL | held(self.p.material)
+        return STEEL | held(self.p.material)
 
     def internal(self, pair: int) -> int | None:
         """0 where the driver of a pair is internal, 1 where the driven gear is, None where neither is."""
@@ -118,9 +100,7 @@ class Train:
         found = [Relation({self.p.input.rotor: 1}, ("input",), 1)]
         found += [Relation({rotor: 1}, where) for rotor, where in self.held.items()]
         found += [motion.relation for item in self.sets for motion in item.motions]
-        for k, shaft in enumerate(self.p.shafts):
-            first, second = shaft.between
-            found.append(alike(first, second, ("shafts", k)))
+        found += [alike(*shaft.between, ("shafts", k)) for k, shaft in enumerate(self.p.shafts)]
         return found + [motion.relation for motion in self.motions]
 
     @property
@@ -184,20 +164,15 @@ class Train:
     @cached_property
     def meshes(self) -> list[TrainMesh]:
         """All meshes: those of the sets, then the pairs. Raises TrainError."""
-        found = []
+        found: list[TrainMesh] = []
         for item in self.sets:
             self._turning(item.motions[0])
             planets_turn, sun_drives, _ = self.power(item)
-            lags = item.lags(planets_turn, sun_drives)
-            teeth = {"sun": item.teeth.sun, "ring": item.teeth.ring}
-            for motion, (name, listed) in zip(item.motions, lags.items(), strict=True):
-                driven = motion if sun_drives else motion.reversed
-                for n, lag in enumerate(listed, start=1):
-                    found.append(TrainMesh(f"{item.name}.{name}.{n}", driven, teeth[name], lag, not sun_drives))
+            found += item.meshes(planets_turn, sun_drives)
         for k, motion in enumerate(self.motions):
             self._turning(motion)
             p = self.p.meshes[k]
-            found.append(TrainMesh(p.name, motion, self.teeth_of(k), rotors.number(p.lag)))
+            found.append(TrainMesh(p.name, motion, self.teeth_of(k), number(p.lag)))
         return found
 
     def _turning(self, motion: MeshMotion) -> None:
@@ -208,8 +183,7 @@ class Train:
 
     def frequency_ratio(self, motion: MeshMotion) -> Fraction:
         """Return a mesh frequency over that of the first mesh."""
-        first = (self.sets[0].motions if self.sets else self.motions)[0]
-        return motion.frequency(self.speeds) / first.frequency(self.speeds)
+        return motion.frequency(self.speeds) / self.cycles
 
     @property
     def cycles(self) -> Fraction:
@@ -218,7 +192,10 @@ class Train:
 
     def sense(self, pair: int) -> int:
         """1 where the driver of a pair turns counter-clockwise, -1 where clockwise."""
-        return self.driving * (1 if self.motions[pair].relative(self.speeds) > 0 else -1)
+        return self._sense(self.motions[pair])
+
+    def _sense(self, motion: MeshMotion) -> int:
+        return self.driving * (1 if motion.relative(self.speeds) > 0 else -1)
 
     def thrust(self, mesh: TrainMesh) -> Array:
         """Return the axial force on the driver over the force of a mesh, tan beta_b or its negative.
@@ -226,23 +203,20 @@ class Train:
         It is positive along z, towards which a right-handed gear is pushed that drives counter-clockwise.
         """
         hand = -1 if mesh.turned and not mesh.motion.internal else 1
-        sense = self.driving * (1 if mesh.motion.relative(self.speeds) > 0 else -1)
-        return hand * sense * mesh.teeth.lead
+        return hand * self._sense(mesh.motion) * mesh.teeth.lead
 
     # ---- teeth
 
     def teeth_of(self, pair: int) -> MeshTeeth:
         """The teeth of a pair, computed when asked for."""
-        if pair not in self._teeth:
-            driver, driven = self.pairs[pair]
-            gears = self.rotors[driver], self.rotors[driven]
-            force = partial(pair_force, self, pair)
-            self._teeth[pair] = MeshTeeth(gears, self.p.meshes[pair], self.material, force)
         return self._teeth[pair]
 
     @cached_property
-    def _teeth(self) -> dict[int, MeshTeeth]:
-        return {}
+    def _teeth(self) -> list[MeshTeeth]:
+        return [
+            MeshTeeth((self.rotors[driver], self.rotors[driven]), p, self.material, partial(pair_force, self, k))
+            for k, ((driver, driven), p) in enumerate(zip(self.pairs, self.p.meshes, strict=True))
+        ]
 
     def push(self, pair: int) -> tuple[Array, Array]:
         """The direction in which the driver of a pair pushes. Raises TrainError for gears that cannot mesh."""
@@ -251,7 +225,7 @@ class Train:
             angle = teeth.each(lambda pair: pair.pressure_angle)
         except NotPossible as error:
             raise TrainError(("meshes", pair), error.message, error.remedy or "change the teeth") from None
-        position = rotors.number(self.p.meshes[pair].position)
+        position = number(self.p.meshes[pair].position)
         return line_of_action(position, angle, self.sense(pair), self.internal(pair))
 
     # ---- coordinates
@@ -259,12 +233,12 @@ class Train:
     @cached_property
     def supported(self) -> list[int]:
         """Numbers of the rotors that move in their plane."""
-        return [k for k, rotor in enumerate(self.rotors) if rotors.moves(rotor.get("support"))]
+        return [k for k, rotor in enumerate(self.rotors) if moves(rotor.get("support"))]
 
     @cached_property
     def sliding(self) -> list[int]:
         """Numbers of the rotors that move along their axis."""
-        return [k for k, rotor in enumerate(self.rotors) if rotors.slides(rotor.get("support"))]
+        return [k for k, rotor in enumerate(self.rotors) if slides(rotor.get("support"))]
 
     @cached_property
     def coordinates(self) -> Coordinates:
@@ -274,13 +248,11 @@ class Train:
         positive; a held rotor has none without a torsional support. Displacements of the members of a set turn with its
         carrier.
         """
-        free = [
-            k for k in range(len(self.rotors)) if rotors.turns(self.rotors[k].get("support"), self.name(k) in self.held)
-        ]
+        free = [rotor["name"] for rotor in self.rotors if turns(rotor.get("support"), rotor["name"] in self.held)]
         sides = {f"{self.name(k)}.{axis}": "m" for k in self.supported for axis in "xy"}
         sides |= {f"{self.name(k)}.z": "m" for k in self.sliding}
         planets = {name: unit for item in self.sets for name, unit in item.coordinates.items()}
-        return Coordinates(dict.fromkeys(map(self.name, free), "rad") | sides | planets)
+        return Coordinates(dict.fromkeys(free, "rad") | sides | planets)
 
     def rotation(self, rotor: int) -> Row:
         """Return the rotation of a rotor as a row."""
@@ -319,30 +291,7 @@ class Train:
         if owner is not None and self.rotors[rotor].get(("mass", "inertia")[which]) is None:
             with owner.told():
                 return owner.teeth.body("ring")[which]
-        value = (rotors.mass, rotors.inertia)[which](self.rotors[rotor], density)
+        value = (bodies.mass, bodies.inertia)[which](self.rotors[rotor], density)
         if not np.all(value > 0):
             raise TrainError(("rotors", rotor), "the bore leaves nothing of its body", "reduce bore_radius")
         return value
-
-
-def line_of_action(
-    position: Array | float, pressure_angle: Array | float, sense: int, internal: int | None = None
-) -> tuple[Array, Array]:
-    """n, the direction in which the driver pushes the driven gear.
-
-        external gears     psi + sense (90 deg - phi_w)
-        internal driven    psi + 180 deg + sense (90 deg - phi_w)
-        internal driver    psi + sense (90 deg + phi_w)
-
-    The flank of the external gear is pushed towards its own centre; where one gear is internal, both centres lie on the
-    same side of the pitch point. Turning the whole train as one body leaves the teeth alone: r_b1 w_1 - r_b2 w_2 +
-    n . (u_1 - u_2) = 0.
-
-    position: psi, from the centre of the driver to that of the driven gear, rad.
-    sense: 1 where the driver turns counter-clockwise, -1 where clockwise.
-    internal: 0 where the driver is internal, 1 where the driven gear is.
-    """
-    right, phi = 0.5 * np.pi, np.asarray(pressure_angle)
-    turn = np.pi if internal == 1 else 0.0
-    angle = np.asarray(position) + turn + sense * (right + phi if internal == 0 else right - phi)
-    return np.cos(angle), np.sin(angle)

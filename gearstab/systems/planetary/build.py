@@ -13,8 +13,7 @@ from gearstab.config.model.reading import held
 from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row
 from gearstab.systems.planetary.angles import angles_of
-from gearstab.systems.planetary.carrier import rotations
-from gearstab.systems.planetary.phasing import lags
+from gearstab.systems.planetary.phasing import lags, rotations
 from gearstab.systems.planetary.rows import SetRows, turn_matrix
 
 CENTRAL = ("ring", "carrier", "sun")

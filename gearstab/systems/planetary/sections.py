@@ -13,7 +13,7 @@ from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, below, within, wrong_length
 from gearstab.config.model.fields import Choice, Count, Flag, also, optional
-from gearstab.config.model.reading import WRONG, held, known
+from gearstab.config.model.reading import WRONG, known
 from gearstab.config.model.units import Quantity
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
@@ -21,21 +21,29 @@ from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.gearbox.bodies import Teeth
 from gearstab.systems.gearbox.feasibility import MOST_TEETH, built, check_points
 from gearstab.systems.planetary import angles
-from gearstab.systems.planetary.angles import ASSEMBLE, angles_of
+from gearstab.systems.planetary.angles import (
+    ASSEMBLE,
+    MOST_PLANETS,
+    angles_of,
+    assembly,
+    check_assembly,
+    clear_of_each_other,
+)
 from gearstab.systems.planetary.bodies import (
     BodyLoad,
     Inertias,
     Masses,
+    Meshes,
+    Phases,
+    PlanetaryMesh,
     PressureAngles,
     Ring,
     Supports,
+    ToothNumbers,
 )
 from gearstab.systems.planetary.build import build, size
-from gearstab.systems.planetary.carrier import CarrierSpeed
-from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, clear_of_each_other
-from gearstab.systems.planetary.meshes import Meshes, Phases, PlanetaryMesh, ToothNumbers
-from gearstab.systems.planetary.phasing import RULES, SENSES, Turning, lags
-from gearstab.systems.planetary.teeth import with_teeth
+from gearstab.systems.planetary.phasing import SENSES, CarrierSpeed, Turning, lags
+from gearstab.systems.planetary.teeth import listed, phasing_of, shifted, with_teeth
 
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Grid
@@ -143,7 +151,7 @@ class Planetary(System):
         equal = "" if self.angles is not None else ", equally spaced"
         said = {"planets": f"{len(psi)} at {', '.join(f'{angle:.6g}' for angle in psi)} deg{equal}"}
         if p.teeth is not None:
-            said |= {"teeth": _teeth(p.teeth), "phases": _phasing(p)}
+            said |= {"teeth": listed(p.teeth), "phases": phasing_of(p)}
             fixed = self.fixed
             turning = "ring_tangential" if fixed == "ring" and self.ring.kind == "elastic" else f"{fixed}_rotation"
             keys = {turning, "ring_tangential"} if fixed == "ring" else {turning}
@@ -156,7 +164,7 @@ class Planetary(System):
     def doubts(self) -> Iterator[tuple[Path, str, str]]:
         """Yield the ring's lag of profile-shifted teeth of which nothing but their numbers is known."""
         given = self.gears is not None or (self.phases is not None and self.phases.sun_ring is not None)
-        if self.teeth and not given and (extra := _shifted(self.teeth)):
+        if self.teeth and not given and (extra := shifted(self.teeth)):
             lag = float(lags(self, 1)["ring"][0])
             message = f"is {abs(extra)} {'more' if extra > 0 else 'less'} than z_s + 2 z_p, by profile shifts: "
             message += f"the lag of the ring's meshes depends on them, and that of standard teeth, {lag:g}, is taken"
@@ -274,34 +282,3 @@ class Planetary(System):
         if self.angles is None and self.teeth is not None:
             teeth = self.teeth
             yield from assembly(int(teeth.sun), int(teeth.planet), int(teeth.ring), self.planets)
-
-
-def _shifted(teeth: Any) -> int:
-    """Teeth of the ring beyond z_s + 2 z_p."""
-    return int(teeth.ring - teeth.sun - 2 * teeth.planet)
-
-
-def _teeth(teeth: Any) -> str:
-    """Numbers of teeth, and the geometry that gears were computed with."""
-    extra = _shifted(teeth)
-    said = f"sun {teeth.sun}, planet {teeth.planet}, ring {teeth.ring} = z_s + 2 z_p" + (
-        f" {'+' if extra > 0 else '-'} {abs(extra)}" if extra else ""
-    )
-    if teeth.centre_distance is not None:
-        said += f"; centre distance {teeth.centre_distance:.6g} m"
-    if shifts := held(teeth.profile_shift):
-        said += ", profile shifts " + ", ".join(f"{body} {value:.4g}" for body, value in shifts.items())
-    return said
-
-
-def _phasing(p: Any) -> str:
-    """How planets turn, and by which rule the ring's meshes lag the sun's."""
-    phases, moving = p.phases or Phases(), Turning.of(p, int(p.teeth.sun), int(p.teeth.ring))
-    rule = phases.rule or ("as given" if phases.sun_ring is not None else "pitch_point")
-    lag = float(lags(p, 1)["ring"][0])
-    said = f"the ring's mesh lags the sun's by {lag:.6g}, {RULES.get(rule, rule)}"
-    if moving is None:
-        return said
-    driver = "sun" if moving.sun_drives else "planet"
-    way = SENSES[moving.planets_turn < 0]
-    return f"{said}; planets turn {way} on the carrier, the {driver} drives in the sun's meshes"

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,13 +18,20 @@ from gearstab.config.model.reading import held
 from gearstab.errors import NotPossible
 from gearstab.gears.planet_set import PlanetSet, closing_shifts, halfway
 from gearstab.system import Array
-from gearstab.systems.gearbox import rotors
-from gearstab.systems.gearbox.rotors import STEEL
+from gearstab.systems.gearbox import bodies
+from gearstab.systems.gearbox.bodies import STEEL
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import TrainError
-from gearstab.systems.planetary.bodies import Inertias, Masses, PressureAngles
-from gearstab.systems.planetary.meshes import Phases
-from gearstab.systems.planetary.phasing import Turning
+from gearstab.systems.planetary.bodies import (
+    Inertias,
+    Masses,
+    Phases,
+    PressureAngles,
+)
+from gearstab.systems.planetary.phasing import RULES, SENSES, Turning, lags
+
+if TYPE_CHECKING:
+    pass
 
 BODIES = ("sun", "planet", "ring")
 HANDS = {"sun": "right", "planet": "left", "ring": "left"}
@@ -135,7 +142,7 @@ class SetTeeth:
                 "bore_radius": self.ring.each(lambda pair: pair.wheel.radius),
             }
         density = self.material["density"]
-        return rotors.mass(gear, density), rotors.inertia(gear, density)
+        return bodies.mass(gear, density), bodies.inertia(gear, density)
 
     def lag(self, rule: str, sun_drives: bool) -> Array:
         """Return gamma_sr, by which a planet's mesh with the ring lags the one with the sun, in mesh periods.
@@ -167,7 +174,7 @@ def with_teeth(p: Any) -> Any:
     found = SetTeeth(gears, dict(p.meshes), STEEL, counts.centre_distance)
     moving, phases = Turning.of(p, counts.sun, counts.ring), held(p.phases)
     try:
-        bodies = {name: found.body(name) for name in BODIES}
+        solids = {name: found.body(name) for name in BODIES}
         angles = {
             name: mesh.each(lambda pair: pair.pressure_angle)
             for name, mesh in (("sun", found.sun), ("ring", found.ring))
@@ -177,11 +184,11 @@ def with_teeth(p: Any) -> Any:
             phases["sun_ring"] = found.lag(phases["rule"], moving.sun_drives)
     except NotPossible as error:
         raise TrainError(("gears",), error.message, error.remedy or "change the teeth") from None
-    inertias = {name: inertia / rotors.base_radius(gears[name]) ** 2 for name, (_, inertia) in bodies.items()}
+    inertias = {name: inertia / bodies.base_radius(gears[name]) ** 2 for name, (_, inertia) in solids.items()}
     # Under a clockwise torque on the sun the other flanks carry.
     flank = 1 if moving is None else moving.torque
     shifts = {body: gear["profile_shift"] for body, gear in found.cut.items()}
-    masses = {name: mass for name, (mass, _) in bodies.items()}
+    masses = {name: mass for name, (mass, _) in solids.items()}
     pressure_angles = {name: flank * angle for name, angle in angles.items()}
     update = {
         "gears": None,
@@ -193,3 +200,34 @@ def with_teeth(p: Any) -> Any:
         "phases": Phases.model_construct(**phases),
     }
     return p.model_copy(update=update)
+
+
+def shifted(teeth: Any) -> int:
+    """Teeth of the ring beyond z_s + 2 z_p."""
+    return int(teeth.ring - teeth.sun - 2 * teeth.planet)
+
+
+def listed(teeth: Any) -> str:
+    """Numbers of teeth, and the geometry that gears were computed with."""
+    extra = shifted(teeth)
+    said = f"sun {teeth.sun}, planet {teeth.planet}, ring {teeth.ring} = z_s + 2 z_p" + (
+        f" {'+' if extra > 0 else '-'} {abs(extra)}" if extra else ""
+    )
+    if teeth.centre_distance is not None:
+        said += f"; centre distance {teeth.centre_distance:.6g} m"
+    if shifts := held(teeth.profile_shift):
+        said += ", profile shifts " + ", ".join(f"{body} {value:.4g}" for body, value in shifts.items())
+    return said
+
+
+def phasing_of(p: Any) -> str:
+    """How planets turn, and by which rule the ring's meshes lag the sun's."""
+    phases, moving = p.phases or Phases(), Turning.of(p, int(p.teeth.sun), int(p.teeth.ring))
+    rule = phases.rule or ("as given" if phases.sun_ring is not None else "pitch_point")
+    lag = float(lags(p, 1)["ring"][0])
+    said = f"the ring's mesh lags the sun's by {lag:.6g}, {RULES.get(rule, rule)}"
+    if moving is None:
+        return said
+    driver = "sun" if moving.sun_drives else "planet"
+    way = SENSES[moving.planets_turn < 0]
+    return f"{said}; planets turn {way} on the carrier, the {driver} drives in the sun's meshes"

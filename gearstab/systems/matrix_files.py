@@ -1,14 +1,17 @@
-"""Matrices of a model from a file: .npz, HDF5 or MATLAB, or Matrix Market, one file for each matrix."""
+"""Matrices of a model from files (.npz, HDF5, MATLAB, Matrix Market), and vectors written by coordinate."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 from pydantic import Field, StrictStr
 
 from gearstab.config.document.files import DataFileError, arrays, numbers, present, usable
+from gearstab.config.document.problems import Path, nearest
+from gearstab.config.document.tree import Document, sequence, value_at
 from gearstab.config.model.axes import Array
 from gearstab.config.model.fields import Section, optional
 from gearstab.errors import one_line
@@ -95,3 +98,45 @@ def check_shapes(result: Mapping[str, Array]) -> None:
     for name, values in result.items():
         if values.shape != shape:
             raise DataFileError(f"{name} has the shape {values.shape}, mass {shape}", "make them equal")
+
+
+SECTIONS = {"meshes": ("direction",), "forces": ("direction",), "terms": ("left", "right")}
+"""Lists of the section ``system`` and the vectors of their entries; ``load`` is one by itself."""
+
+
+def write_out(document: Document, raw: dict[str, Any], size: int | None) -> None:
+    """Replace every such mapping by the list of its entries, zero where it names none; report unknown coordinates.
+
+    size: number of coordinates. If it is unknown, which is reported elsewhere, the entries stand for all.
+    """
+    named: Any = raw.get("coordinates")
+    known = named if len(sequence(named)) == size else default_names(size or 0)
+    for holder, key, path in list(_mappings(raw)):
+        given = holder[key]
+        names = known if size is not None else list(given)
+        values: list[Any] = [0.0] * len(names)
+        for name, value in given.items():
+            if name in names:
+                values[names.index(name)] = value
+                document.move(("system", *path, name), ("system", *path, names.index(name)))
+            else:
+                message = "there is no such coordinate"
+                hint = nearest(name, map(str, names))
+                document.report(("system", *path, name), "unknown_name", message, hint, at_key=True)
+        holder[key] = values
+
+
+def default_names(size: int) -> list[str]:
+    """Return the names of coordinates that are given none: q1, q2, ..."""
+    return [f"q{i + 1}" for i in range(size)]
+
+
+def _mappings(raw: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, Path]]:
+    """Yield the section that holds each vector written so, its key there, and its path below ``system``."""
+    if isinstance(raw.get("load"), dict):
+        yield raw, "load", ("load",)
+    for section, keys in SECTIONS.items():
+        for i, item in enumerate(sequence(raw.get(section))):
+            for key in keys:
+                if isinstance(value_at(item, (key,)), dict):
+                    yield item, key, (section, i, key)

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, StrictStr
 
 from gearstab.config.document.files import DataFileError
-from gearstab.config.document.problems import Path, dotted
+from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document, sequence, value_at
 from gearstab.config.model.axes import matrix, vector
 from gearstab.config.model.conflicts import (
@@ -26,22 +26,28 @@ from gearstab.config.model.units import Quantity, UnitError, to_si
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System
-from gearstab.systems.matrices.definite import check_definite
-from gearstab.systems.matrices.file import (
+from gearstab.systems.feasibility import check_axes
+from gearstab.systems.matrix_files import (
     OF_ROTATION,
     OPTIONAL,
     REQUIRED,
     MatrixFiles,
     check_shapes,
+    default_names,
     read_market,
     read_matrices,
+    write_out,
 )
-from gearstab.systems.matrices.vectors import default_names, write_out
-from gearstab.systems.parts.damping import Damping, not_square, with_damping
-from gearstab.systems.parts.forcing import Force, Load, OneAsWell, with_forcing
+from gearstab.systems.parts.forcing import Damping, Force, Load, OneAsWell, not_square, with_damping, with_forcing
 from gearstab.systems.parts.mesh import MatrixMesh, build_mesh
-from gearstab.systems.parts.rotation import RotationSection, check_rotation, rotations
-from gearstab.systems.parts.terms import Term, antisymmetric_terms, periodic_terms
+from gearstab.systems.parts.terms import (
+    RotationSection,
+    Term,
+    antisymmetric_terms,
+    check_rotation,
+    periodic_terms,
+    rotations,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
@@ -162,10 +168,10 @@ class Matrices(System):
     def check_feasible(self, document: Document, grid: Grid[Any]) -> None:
         """Matrices that no system has, too."""
         feasibility.check_mesh_levels(document, grid)
-        _check_axes(document, grid)
+        check_axes(document, grid)
         check_rotation(document, grid.system)
         if feasibility.check_symmetric(document, grid.system, [("mass",)]):
-            check_definite(document, feasibility.numbers_only(grid))
+            feasibility.check_definite(document, feasibility.numbers_only(grid))
 
     def doubts(self) -> Iterator[tuple[Path, str, str]]:
         """Matrices written entry by entry that are not symmetric: bearings are, and so are misprints."""
@@ -181,15 +187,9 @@ class Matrices(System):
         """Vectors by coordinate, the damping matrix by itself, and units of coordinates that their inertias tell."""
         size = len(contents["mass"]) if "mass" in contents else len(sequence(raw.get("mass"))) or None
         write_out(document, raw, size)
-        if isinstance(raw.get("damping"), list):
-            raw["damping"] = {"matrix": raw["damping"]}
-            document.move(("system", "damping"), ("system", "damping", "matrix"))
-        if isinstance(raw.get("rotation"), dict):
-            raw["rotation"] = [raw["rotation"]]
-            document.move(("system", "rotation"), ("system", "rotation", 0))
-        if isinstance(raw.get("coordinate_units"), str):
-            raw["coordinate_units"] = [raw["coordinate_units"]]
-            document.move(("system", "coordinate_units"), ("system", "coordinate_units", 0))
+        for name, kind, inner in (("damping", list, "matrix"), ("rotation", dict, 0), ("coordinate_units", str, 0)):
+            if isinstance(raw.get(name), kind):
+                document.nest(("system", name), inner)
         turning = [any(_told(raw.get(name), (k, k), unit) for name, unit in TOLD.items()) for k in range(size or 0)]
         if raw.get("coordinate_units") is None and any(turning):
             units = ["rad" if turns else "m" for turns in turning]
@@ -281,22 +281,6 @@ def _parts(name: str, part: str, rows: Any) -> tuple[Array, list[Term]]:
     if not np.any(feasibility.asymmetry(one)):
         return full, []
     return 0.5 * (full + np.swapaxes(full, -1, -2)), constructed(list[Term], antisymmetric_terms(name, part, one))
-
-
-def _check_axes(document: Document, grid: Grid[Any]) -> None:
-    """Report axes that set an entry of a matrix of a file and its transpose, where the two differ."""
-    unlike: dict[Path, Array] = {
-        path: feasibility.asymmetry(held)
-        for path in (("stiffness",), ("damping", "matrix"))
-        if isinstance(held := value_at(grid.system, path), np.ndarray)
-    }
-    for axis in grid.axes:
-        for path in (item.path for item in axis.assignments):
-            found = unlike.get(path[:-2])
-            if found is not None and found[int(path[-2]), int(path[-1])]:
-                message = f"sets {dotted(path)} and its transpose, which differ in the file"
-                document.report(("sweep", axis.name), "not_an_axis", message, "vary a term instead", at_key=True)
-                break
 
 
 def _told(raw: Any, path: Path, unit: str) -> bool:

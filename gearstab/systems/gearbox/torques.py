@@ -1,4 +1,4 @@
-"""Torques that depend on the speed of their rotor: fans, pumps, brakes, motors.
+"""Sections of input and outputs, and torques that depend on the speed of a rotor: fans, pumps, brakes, motors.
 
 A rotor that vibrates by theta about its speed w feels the torque T(w + theta') = T(w) + T'(w) theta': the torque at
 the speed is part of the load, and its slope is a damper between rotor and housing, c = T' of what takes power and
@@ -9,17 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict, plain_number
-from gearstab.config.model.fields import AngularFrequency, Section, optional
+from gearstab.config.model.fields import AngularFrequency, Choice, NameText, Section, optional
 from gearstab.config.model.reading import WRONG
 from gearstab.config.model.units import Quantity
 from gearstab.errors import NotPossible
 from gearstab.system import Array
+
+if TYPE_CHECKING:
+    pass
 
 TableSpeed = Annotated[float, Field(ge=0), Quantity("rad/s")]
 TableTorque = Annotated[float, Quantity("N m")]
@@ -103,3 +106,39 @@ def _in_table(speed: Array, speeds: list[Any], torques: list[Any]) -> tuple[Arra
         found[k] = curve(row[0]), curve(row[0], 1)
     value, slope = np.moveaxis(found.reshape(*rows.shape[:-1], 2), -1, 0)
     return value, slope
+
+
+Torque = Annotated[float, Field(gt=0), Quantity("N m")]
+
+
+class Input(Section):
+    """Input of the train."""
+
+    rotor: NameText = Field(title="input rotor")
+    """Name of the rotor that drives the train, where power enters it."""
+    torque: Torque | None = optional("input torque")
+    """On the input rotor (N m); follows from the outputs' without."""
+    torque_law: TorqueLaw | None = optional("torque over the speed")
+    """The input torque as it depends on the speed of the input; its slope damps or drives vibrations."""
+    speed: AngularFrequency | None = optional("nominal speed")
+    """Speed of the input rotor, for friction and torques (rad/s, "1500 rpm"); sweeps set it by the axis input_speed."""
+    sense: Annotated[str, Choice("sense", ("counter-clockwise", "clockwise"))] = Field(
+        default="counter-clockwise", title="sense of rotation"
+    )
+    """Sense of rotation of the input rotor, seen along z."""
+
+
+class Output(Section):
+    """Where power leaves the train."""
+
+    rotor: NameText = Field(title="output rotor")
+    """Name of the rotor that is loaded."""
+    torque: Torque | None = optional("output torque")
+    """It takes (N m); without, the outputs share the input's power equally."""
+    torque_law: TorqueLaw | None = optional("torque over the speed")
+    """The torque it takes as it depends on the speed of the rotor; its slope damps or drives vibrations."""
+
+
+def torque_of(end: Input | Output) -> Any:
+    """The torque of an end of the train, constant or not, None without."""
+    return end.torque if end.torque is not None else end.torque_law
