@@ -15,12 +15,9 @@ import numpy as np
 from gearstab.config.document.problems import Path, dotted
 from gearstab.config.document.tree import Document, value_at
 from gearstab.config.model.axes import Array, Grid, matrix
-from gearstab.config.model.conflicts import (
-    items,
-)
+from gearstab.config.model.conflicts import items
 from gearstab.config.model.units import SMALLEST_NUMBER
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
-from gearstab.systems import feasibility
 from gearstab.systems.parts.mesh import build_mesh
 from gearstab.waveforms import WAVEFORMS, Waveform
 from gearstab.waveforms.base import stiff_fraction
@@ -265,7 +262,7 @@ def _axis_of(grid: Grid[Any], selection: Selection, name: str) -> str:
 def check_axes(document: Document, grid: Grid[Any]) -> None:
     """Report axes that set an entry of a matrix of a file and its transpose, where the two differ."""
     unlike: dict[Path, Array] = {
-        path: feasibility.asymmetry(held)
+        path: asymmetry(held)
         for path in (("stiffness",), ("damping", "matrix"))
         if isinstance(held := value_at(grid.system, path), np.ndarray)
     }

@@ -16,14 +16,7 @@ from gearstab.config.document.tree import Document, Where, mapping, sequence, va
 from gearstab.config.model.axes import MESH_FREQUENCY, Assignment, Axis
 from gearstab.config.model.fields import NUMBER, AnyNumber, Section, optional
 from gearstab.config.model.reading import WRONG, SkipRule, as_far_as_right
-from gearstab.config.sections.expansion import (
-    Count,
-    Expansion,
-    Range,
-    Spacing,
-    expand,
-    expand_list,
-)
+from gearstab.config.sections.expansion import Count, Expansion, Range, Spacing, expand, expand_list
 from gearstab.config.sections.methods import Methods
 from gearstab.config.sections.targets import INPUT_SPEED, Target, TargetError, described, resolve
 from gearstab.systems.base import System

@@ -22,12 +22,7 @@ from gearstab.systems.gearbox import bodies
 from gearstab.systems.gearbox.bodies import STEEL
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import TrainError
-from gearstab.systems.planetary.bodies import (
-    Inertias,
-    Masses,
-    Phases,
-    PressureAngles,
-)
+from gearstab.systems.planetary.bodies import Inertias, Masses, Phases, PressureAngles
 from gearstab.systems.planetary.phasing import RULES, SENSES, Turning, lags
 
 if TYPE_CHECKING:
