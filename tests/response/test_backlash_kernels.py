@@ -18,7 +18,7 @@ from gearstab.response.backlash import BACKLASH_FLAGS, LimitCycle, backlash_resp
 from gearstab.response.backlash.contact import play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
 from gearstab.response.backlash.polynomials import extremes_of, product, sampled
-from gearstab.response.linear.driven import driven
+from gearstab.response.driven import driven
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Fourier

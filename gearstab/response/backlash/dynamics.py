@@ -16,7 +16,7 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.propagation.segment import augmented
 from gearstab.response.backlash.contact import APART, Play
-from gearstab.response.linear.driven import Driven
+from gearstab.response.driven import Driven
 from gearstab.system import Array, GearSystem
 
 REACH, DEGREE = 2.0, 24

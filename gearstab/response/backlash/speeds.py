@@ -7,16 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet import solve
-from gearstab.modal import mean_modes
+from gearstab.modal import mean_modes, static_mesh_force
 from gearstab.propagation.first_order import bases
 from gearstab.response.backlash.contact import resting
 from gearstab.response.backlash.history import BACKLASH_FLAGS, Recording
 from gearstab.response.backlash.measure import LimitCycle, Meter, elastic
 from gearstab.response.branches.sections import SectionMap
 from gearstab.response.branches.stability import MotionStability, of_settled
-from gearstab.response.linear.driven import driven
-from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.steady import unbalanced
+from gearstab.response.driven import driven
+from gearstab.response.steady import unbalanced
 from gearstab.system import Array, GearSystem
 
 FAILED = BACKLASH_FLAGS["chatter"] | BACKLASH_FLAGS["overflow"]

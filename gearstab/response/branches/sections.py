@@ -15,8 +15,8 @@ from gearstab.response.backlash.dynamics import Dynamics, dynamics
 from gearstab.response.backlash.follow import Chatter, ContactCourse, Contacts, Track, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter, elastic
 from gearstab.response.branches.variation import factors
-from gearstab.response.linear.driven import Driven, driven
-from gearstab.response.linear.periodic import balanced
+from gearstab.response.driven import Driven, driven
+from gearstab.response.periodic import balanced
 from gearstab.system import Array, GearSystem
 
 ROUNDING = float(np.finfo(float).eps)

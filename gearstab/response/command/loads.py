@@ -9,8 +9,8 @@ import numpy as np
 
 from gearstab.connections import by_part
 from gearstab.response import RampResponse
-from gearstab.response.measures.connections import orders
-from gearstab.response.measures.waterfall import Windows
+from gearstab.response.loads import orders
+from gearstab.response.spectra import Windows
 from gearstab.results import Variable
 from gearstab.results.units import unit_of
 from gearstab.results.variables.responses import (

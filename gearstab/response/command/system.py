@@ -11,6 +11,7 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.config.document.codes import Code
 from gearstab.errors import NotPossible
+from gearstab.modal import static_equilibrium, static_mesh_force
 from gearstab.response import (
     RESPONSE_FLAGS,
     backlash,
@@ -20,8 +21,7 @@ from gearstab.response import (
     steady_state,
 )
 from gearstab.response.command import effort, loads, ramp, tooth_loads
-from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
-from gearstab.response.measures.spectra import Spectra, amplitudes, densities
+from gearstab.response.spectra import Spectra, amplitudes, densities
 from gearstab.results import Group, ResultTree, Variable, fields_of
 from gearstab.results.display import with_orders
 from gearstab.results.guard import RESPOND

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.response import Response
-    from gearstab.response.measures.tooth_loads import LoadedTeeth
+    from gearstab.response.loads import LoadedTeeth
     from gearstab.system import GearSystem
     from gearstab.systems.parts.respond import Respond
 
@@ -16,8 +16,8 @@ def values(config: Config, wanted: Respond, system: GearSystem, found: Response)
     """The variables of TOOTH_LOADS, none where no teeth are known, nothing is loaded or a history begins anywhere."""
     import numpy as np
 
-    from gearstab.response.linear.equilibrium import static_mesh_force
-    from gearstab.response.measures.tooth_loads import MOST_POINTS, phases, positions, tooth_loads
+    from gearstab.modal import static_mesh_force
+    from gearstab.response.loads import MOST_POINTS, phases, positions, tooth_loads
 
     known = teeth(config)
     if not known or system.load is None or not wanted.steady_state or found.status == "failed":
@@ -44,7 +44,7 @@ def values(config: Config, wanted: Respond, system: GearSystem, found: Response)
 
 def teeth(config: Config) -> list[LoadedTeeth]:
     """Return those of all meshes, none of a system that is not computed from its teeth, or whose teeth have relief."""
-    from gearstab.response.measures.tooth_loads import LoadedTeeth
+    from gearstab.response.loads import LoadedTeeth
 
     train = config.system.train()
     meshes = [] if train is None or any(mesh.teeth.relieved for mesh in train.meshes) else train.meshes

@@ -16,7 +16,7 @@ from gearstab.response.branches.continuation import DOUBLING, FOLD, StepLimits
 from gearstab.response.branches.motions import GRAZING, Branch
 from gearstab.response.branches.sections import SectionMap
 from gearstab.response.branches.solve import BranchSearch, Starts
-from gearstab.response.linear.speeds import speed_response
+from gearstab.response.speeds import speed_response
 
 Array = np.ndarray
 ALWAYS, CONTACT = CASES

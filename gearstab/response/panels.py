@@ -13,7 +13,7 @@ import numpy as np
 
 from gearstab.propagation.bundles import Bundle, BundleCourse, bundles
 from gearstab.propagation.intervals import Interval, SteadyPoints
-from gearstab.response.measures.extremes import BETWEEN, HERMITE, NODES, RATES, extremes
+from gearstab.response.extremes import BETWEEN, HERMITE, NODES, RATES, extremes
 from gearstab.system import Array, of_wholes
 
 WEIGHTS = np.array([1 / 20, 49 / 180, 16 / 45, 49 / 180, 1 / 20])
