@@ -159,7 +159,7 @@ class BacklashAnalysis(SteadyStateAnalysis):
         return {**super().constants(), "multiplier": range(1, 2 * self.system.size + 1)}
 
     def run(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.response.backlash.speeds import speed_cycles
+        from gearstab.response.backlash.motions import speed_cycles
 
         down = self.options.continuation == "down"
         found = speed_cycles(self.system, mesh_frequency, down, self.cycles, self.options.discard)

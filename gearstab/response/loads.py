@@ -14,8 +14,7 @@ import numpy as np
 from gearstab.gears.mesh_stiffness import StiffnessModel
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import load_shares, root_stress
-from gearstab.response.extremes import CURVES, extremes
-from gearstab.response.panels import Readings
+from gearstab.response.panels import CURVES, Readings, extremes
 from gearstab.response.steady import SteadyStart
 from gearstab.system import Array, GearSystem
 

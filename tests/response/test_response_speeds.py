@@ -19,7 +19,7 @@ from gearstab.floquet import solve
 from gearstab.modal import static_mesh_force
 from gearstab.propagation.excitation import excitation
 from gearstab.response import harmonics, steady_state
-from gearstab.response.extremes import NODES, extremes
+from gearstab.response.panels import NODES, extremes
 from gearstab.response.speeds import SpeedResponse, speed_response
 from gearstab.response.steady import STATUS_FLAGS
 from gearstab.results import open_result

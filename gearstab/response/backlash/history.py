@@ -10,10 +10,9 @@ import numpy as np
 
 from gearstab.propagation.first_order import bases
 from gearstab.response.backlash.contact import APART, Play, directions, play, resting
-from gearstab.response.backlash.dynamics import Dynamics, dynamics
+from gearstab.response.backlash.dynamics import Dynamics, dynamics, sampled
 from gearstab.response.backlash.follow import Chatter, ContactCourse, Event, Track, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter
-from gearstab.response.backlash.polynomials import sampled
 from gearstab.response.driven import ON_A_JUMP, driven
 from gearstab.response.history import RESPONSE_FLAGS, Response, assembled, checked, samples_until
 from gearstab.response.steady import unbalanced

@@ -20,7 +20,7 @@ from gearstab.response.rotating_pair.integrate import (
     TimedArc,
     integrate,
 )
-from gearstab.response.rotating_pair.jumps import Law, law_of
+from gearstab.response.rotating_pair.motion import Law, law_of
 from gearstab.response.spectra import spectrum
 from gearstab.rotating_pair import FORMULATIONS
 
