@@ -1,4 +1,4 @@
-"""Modes of the mean system, rigid-body modes and modal mesh deflections."""
+"""Modes of the mean system, rigid-body modes, modal mesh deflections; the static equilibrium under a constant load."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, of_wholes
 
 RIGID_TOLERANCE = 1e-11
 """A mode is rigid when its squared frequency is below this part of the largest one: an eigensolver in double
@@ -252,3 +252,25 @@ def modal_damping_matrix(mass: Array, mean_stiffness: Array, ratios: Array) -> A
     # The square root would turn a rounding error of 1e-17 in a rigid mode into a damping of 1e-9.
     rate = 2 * np.asarray(ratios) * np.sqrt(np.maximum(rounded(values), 0.0))
     return (weighted * rate[..., None, :]) @ np.swapaxes(weighted, -1, -2)
+
+
+def static_equilibrium(system: GearSystem) -> Array:
+    """q ``(..., n)`` with (K0 + sum k_gi g_i g_i^T) q = f0, the part of f0 that rigid-body modes take up left out.
+
+    Terms of K(t) besides the meshes (friction) and mean forces of other shapes play no part. NaN where the mean
+    stiffness is negative or zero along a mode.
+    """
+    if system.load is None:
+        return np.zeros((*system.batch, system.size))
+    modes = mean_modes(system)
+    force = np.einsum("...np,...n->...p", modes.shapes, system.load)
+    squared = modes.squared_frequency
+    inverse = np.where(squared > 0, 1 / np.where(squared > 0, squared, 1.0), np.where(modes.rigid, 0.0, np.nan))
+    return np.einsum("...np,...p->...n", modes.shapes, inverse * force)
+
+
+def static_mesh_force(system: GearSystem) -> Array:
+    """k_gi g_i^T q of the static equilibrium, ``(..., meshes)``, of whole meshes."""
+    q = static_equilibrium(system)
+    forces = [mesh.mean_stiffness * np.einsum("...n,...n->...", mesh.direction, q) for mesh in system.meshes]
+    return of_wholes(np.stack(np.broadcast_arrays(*forces), axis=-1), system.wholes)

@@ -7,10 +7,10 @@ from time import process_time
 
 import numpy as np
 
-from gearstab.response.backlash.speeds import speed_cycles
-from gearstab.response.branches.continuation import StepLimits
-from gearstab.response.branches.sections import SectionMap
-from gearstab.response.branches.solve import BranchSearch, Starts
+from gearstab.response.backlash.branches import BranchSearch, Starts
+from gearstab.response.backlash.continuation import StepLimits
+from gearstab.response.backlash.motions import speed_cycles
+from gearstab.response.backlash.sections import SectionMap
 from gearstab.system import GearSystem
 
 STARTS, SPEEDS = 5, 20

@@ -33,7 +33,7 @@ def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
     """All that is said of a train, as plain numbers, texts and lists; None for other kinds of systems."""
     import numpy as np
 
-    from gearstab.response.linear.equilibrium import static_mesh_force
+    from gearstab.modal import static_mesh_force
 
     train = config.system.train()
     if train is None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
     from gearstab.config.document.tree import Document
-    from gearstab.response.branches.sections import SectionMap
+    from gearstab.response.backlash.sections import SectionMap
     from gearstab.systems.base import System
 
 
@@ -99,7 +99,7 @@ class BranchAnalysis(Method):
         return options
 
     def variables(self) -> tuple[Variable, ...]:
-        from gearstab.response.branches.motions import BRANCH_FLAGS
+        from gearstab.response.backlash.motions import BRANCH_FLAGS
 
         return flagged(BRANCHES, BRANCH_FLAGS)
 
@@ -120,7 +120,7 @@ class BranchAnalysis(Method):
         }
 
     def run(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.response.branches.sections import SectionMap
+        from gearstab.response.backlash.sections import SectionMap
 
         low, high = (float(end) for end in mesh_frequency)
         found = self.followed(SectionMap(self.system), low, high)
@@ -129,9 +129,8 @@ class BranchAnalysis(Method):
 
     def followed(self, laps: SectionMap, low: float, high: float) -> dict[str, Array]:
         """Return the branches of a system within a range, by variable."""
-        from gearstab.response.branches.continuation import BRANCHING, DOUBLING, StepLimits
-        from gearstab.response.branches.solve import BranchSearch, Starts
-        from gearstab.response.branches.table import table
+        from gearstab.response.backlash.branches import BranchSearch, Starts, table
+        from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, StepLimits
 
         own = self.options
         values = np.linspace(low, high, self.STARTS) if own.at is None else np.clip(own.at, low, high)
@@ -173,7 +172,7 @@ class AxisBranches(BranchAnalysis):
 
     @property
     def rows(self) -> int:
-        from gearstab.response.branches.motions import MOST_BRANCHES
+        from gearstab.response.backlash.motions import MOST_BRANCHES
 
         return MOST_BRANCHES
 
@@ -206,7 +205,7 @@ class AxisBranches(BranchAnalysis):
         return section.build()
 
     def run(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.response.branches.sections import SectionMap
+        from gearstab.response.backlash.sections import SectionMap
 
         low, high = self.options.axis.span
         found = []

@@ -71,7 +71,7 @@ class SteadyStateAnalysis(Method):
         return (BacklashAnalysis if has_backlash(system) else cls)(options, system)
 
     def variables(self) -> tuple[Variable, ...]:
-        from gearstab.response.linear.steady import STATUS_FLAGS
+        from gearstab.response.steady import STATUS_FLAGS
 
         return (*flagged(SPEED_RESPONSE, STATUS_FLAGS), *self._loads())
 
@@ -88,13 +88,13 @@ class SteadyStateAnalysis(Method):
     def constants(self) -> Mapping[str, Any]:
         own: dict[str, Any] = {part: [item.name for item in items] for part, items in self._parts().items()}
         if own:
-            from gearstab.response.measures.connections import orders
+            from gearstab.response.loads import orders
 
             own[MESH_ORDER] = orders(self.system)
         return {"mesh": [mesh.name for mesh in self.system.whole_meshes], **own}
 
     def run(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.response.linear.speeds import speed_response
+        from gearstab.response.speeds import speed_response
 
         options = self.options
         samples, tolerance = options.samples_per_cycle, options.tolerance
@@ -116,7 +116,7 @@ class SteadyStateAnalysis(Method):
         if not self.system.forced:
             remedy = "remove it, or give a load (a gearbox: torques of input or outputs), forces or transmission errors"
             raise OptionError((), "nothing drives the system", remedy)
-        from gearstab.response.linear.steady import check_held
+        from gearstab.response.steady import check_held
 
         try:
             check_held(self.system)
@@ -160,7 +160,7 @@ class BacklashAnalysis(SteadyStateAnalysis):
         return {**super().constants(), "multiplier": range(1, 2 * self.system.size + 1)}
 
     def run(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.response.backlash.speeds import speed_cycles
+        from gearstab.response.backlash.motions import speed_cycles
 
         down = self.options.continuation == "down"
         found = speed_cycles(self.system, mesh_frequency, down, self.cycles, self.options.discard)

@@ -15,8 +15,8 @@ from gearstab.config import load
 from gearstab.floquet.frequencies import groups, per_mesh
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import mesh_root_stress
-from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.speeds import SpeedResponse, speed_response
+from gearstab.modal import static_mesh_force
+from gearstab.response.speeds import SpeedResponse, speed_response
 from gearstab.systems import build, section
 from gearstab.systems.gearbox.train import Train
 from statements import CONFIGS

@@ -12,7 +12,7 @@ from gearstab.floquet.frequencies import groups, per_mesh
 from gearstab.gears.stress import load_shares, mesh_root_stress
 from gearstab.modal import mean_modes
 from gearstab.response import steady_state
-from gearstab.response.linear.speeds import speed_response
+from gearstab.response.speeds import speed_response
 from gearstab.systems import build
 from kuria_kihiu_2008.common import SPEED, STAGES, Design, pairs, parameters, static_forces
 from statements import AS_PRINTED, Runs, Statement, number, numbers, sort_of

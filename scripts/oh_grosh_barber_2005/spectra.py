@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from gearstab.response.measures.spectra import spectrum
+from gearstab.response.spectra import spectrum
 from oh_grosh_barber_2005.energies import TEETH, constants
 from oh_grosh_barber_2005.printed import Motion, motion
 from statements import Runs, Statement, at_most, number, sort_of

@@ -11,8 +11,8 @@ from click.testing import CliRunner, Result
 
 from gearstab.cli import group
 from gearstab.config import load
+from gearstab.modal import static_equilibrium, static_mesh_force
 from gearstab.response import RESPONSE_FLAGS, driven_response, harmonics, steady_state
-from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.results import open_result
 from gearstab.systems import build
 

@@ -18,7 +18,7 @@ from gearstab.floquet.general import solve as general
 from gearstab.floquet.truncation import neglected
 from gearstab.mesh import PeriodicTerm
 from gearstab.methods import METHODS, OptionError
-from gearstab.modal import mean_modes
+from gearstab.modal import mean_modes, static_equilibrium
 from gearstab.passage.propagator import growth, motion
 from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import excitation
@@ -27,8 +27,7 @@ from gearstab.propagation.intervals import SteadyPoints
 from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PhaseEquation
 from gearstab.response import driven_response, ramp_response, steady_state
-from gearstab.response.linear.equilibrium import static_equilibrium
-from gearstab.response.linear.steady import start
+from gearstab.response.steady import start
 from gearstab.rotation import Rotation
 from gearstab.support import unsupported
 from gearstab.system import Feature, GearSystem

@@ -18,9 +18,9 @@ from gearstab.errors import PlotError
 from gearstab.floquet import solve
 from gearstab.plots import draw
 from gearstab.response.backlash import BACKLASH_FLAGS, BacklashResponse, backlash_response
-from gearstab.response.backlash.speeds import speed_cycles
+from gearstab.response.backlash.motions import speed_cycles
 from gearstab.response.command import effort
-from gearstab.response.linear.speeds import speed_response
+from gearstab.response.speeds import speed_response
 from gearstab.results import open_result
 from gearstab.system import GearSystem
 from gearstab.systems import build

@@ -10,10 +10,9 @@ import pytest
 from driven import train
 
 import gearstab as gs
-from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.one_at_a_time import force_bounds
-from gearstab.response.linear.speeds import speed_response
-from gearstab.response.linear.steady import STATUS_FLAGS
+from gearstab.modal import static_mesh_force
+from gearstab.response.speeds import force_bounds, speed_response
+from gearstab.response.steady import STATUS_FLAGS
 from gearstab.system import GearSystem
 
 SPEEDS = np.array([0.83, 1.4, 2.63])

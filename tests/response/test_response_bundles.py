@@ -10,8 +10,8 @@ import pytest
 import gearstab as gs
 from gearstab.propagation import bundles
 from gearstab.propagation.segment import States
-from gearstab.response.linear.periodic import harmonics
-from gearstab.response.linear.speeds import speed_response
+from gearstab.response.periodic import harmonics
+from gearstab.response.speeds import speed_response
 from gearstab.system import Array
 
 TRAIN = {

@@ -20,11 +20,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gearstab as gs
+from gearstab.modal import static_equilibrium, static_mesh_force
 from gearstab.propagation.segment import divided_exponential
 from gearstab.response import RESPONSE_FLAGS, driven_response, free_response, harmonics, steady_state
-from gearstab.response.linear import driven as histories
-from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
-from gearstab.response.measures.spectra import amplitudes, densities
+from gearstab.response import driven as histories
+from gearstab.response.spectra import amplitudes, densities
 from gearstab.waveforms import Fourier
 
 

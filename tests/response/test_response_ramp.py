@@ -12,12 +12,12 @@ from scenes import ROOT
 from gearstab.config import load
 from gearstab.errors import NotPossible
 from gearstab.mesh import Mesh
+from gearstab.modal import static_equilibrium
 from gearstab.propagation import phase
 from gearstab.propagation.path import Path
 from gearstab.response import RESPONSE_FLAGS, driven_response, harmonics, ramp_response
 from gearstab.response.command.ramp import path_of
-from gearstab.response.linear.equilibrium import static_equilibrium
-from gearstab.response.measures.waterfall import waterfall
+from gearstab.response.spectra import waterfall
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.parts.respond import Respond

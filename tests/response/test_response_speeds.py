@@ -16,12 +16,12 @@ from scenes import ROOT, plain
 from gearstab.cli import group
 from gearstab.config import load
 from gearstab.floquet import solve
+from gearstab.modal import static_mesh_force
 from gearstab.propagation.excitation import excitation
 from gearstab.response import harmonics, steady_state
-from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.speeds import SpeedResponse, speed_response
-from gearstab.response.linear.steady import STATUS_FLAGS
-from gearstab.response.measures.extremes import NODES, extremes
+from gearstab.response.panels import NODES, extremes
+from gearstab.response.speeds import SpeedResponse, speed_response
+from gearstab.response.steady import STATUS_FLAGS
 from gearstab.results import open_result
 from gearstab.systems import build
 from gearstab.waveforms import Trapezoidal

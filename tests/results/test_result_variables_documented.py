@@ -12,8 +12,8 @@ from gearstab.floquet import STATUS_FLAGS
 from gearstab.floquet.required_damping import FLAGS as DAMPING_FLAGS
 from gearstab.passage import STATUS_FLAGS as PASSAGE_FLAGS
 from gearstab.response.backlash import BACKLASH_FLAGS
-from gearstab.response.linear.steady import STATUS_FLAGS as RESPONSE_FLAGS
 from gearstab.response.rotating_pair.stability import FLAGS as ORBIT_FLAGS
+from gearstab.response.steady import STATUS_FLAGS as RESPONSE_FLAGS
 from gearstab.results import variables
 from gearstab.results.variables import Variable, design, responses
 

@@ -55,8 +55,8 @@ def separation(state: State) -> ToothContact | None:
 
 def _exactly(system: GearSystem, omega: Array) -> tuple[Array, Array]:
     """The largest load factor at every speed, and whether a loaded mesh's force changes its sign."""
-    from gearstab.response.linear.speeds import speed_response
-    from gearstab.response.linear.steady import STATUS_FLAGS
+    from gearstab.response.speeds import speed_response
+    from gearstab.response.steady import STATUS_FLAGS
 
     found = speed_response(system, omega)
     factors = np.nan_to_num(np.nanmax(found.dynamic_load_factor[0].reshape(len(omega), -1), axis=1))
@@ -65,7 +65,7 @@ def _exactly(system: GearSystem, omega: Array) -> tuple[Array, Array]:
 
 def _bounded(system: GearSystem, omega: Array) -> tuple[Array, Array]:
     """The same by the bounds of one frequency at a time."""
-    from gearstab.response.linear.one_at_a_time import force_bounds
+    from gearstab.response.speeds import force_bounds
 
     found = force_bounds(system, omega)
     loaded = found.static[0] > 0

@@ -90,7 +90,7 @@ def load_factor_over(system: GearSystem, omega: Array, lowest: float | None = No
     """``(rows, P)``, the largest dynamic load factor of any mesh at mesh frequencies; samples are enough for the
     lowest one.
     """
-    from gearstab.response.linear.speeds import speed_response
+    from gearstab.response.speeds import speed_response
 
     fastest = float(np.nanmax(mean_modes(system).natural_frequency))
     samples = int(np.clip(ceil(SAMPLES * fastest / (lowest or float(np.min(omega)))), *MOST_SAMPLES))
@@ -108,7 +108,7 @@ def damping_over(system: GearSystem, omega: Array) -> Array:
 def root_stress(batch: Batch) -> Array:
     """The largest stress at the root of any tooth under the static mesh forces, Pa; needs the teeth of a gearbox."""
     from gearstab.gears.stress import mesh_root_stress
-    from gearstab.response.linear.equilibrium import static_mesh_force
+    from gearstab.modal import static_mesh_force
 
     train, rows = batch.p.train(), batch.system.rows
     if train is None:

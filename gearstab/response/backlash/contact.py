@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.modal import mean_modes
-from gearstab.response.linear.equilibrium import static_equilibrium
+from gearstab.modal import mean_modes, static_equilibrium
 from gearstab.system import Array, GearSystem
 
 UPPER, APART, LOWER = 1, 0, -1
@@ -101,7 +100,7 @@ def resting(system: GearSystem, teeth: Play) -> Array:
 
     K0 q + sum_i k_gi g_i (g_i^T q - offset_i) = f0 with the sum over the meshes in contact, sought from that of teeth
     without play on. Rigid-body motion is left out, as in
-    :func:`~gearstab.response.linear.equilibrium.static_equilibrium`.
+    :func:`~gearstab.modal.static_equilibrium`.
 
     Raises NotPossible where there is none, or none is found.
     """

@@ -10,13 +10,12 @@ import numpy as np
 
 from gearstab.propagation.first_order import bases
 from gearstab.response.backlash.contact import APART, Play, directions, play, resting
-from gearstab.response.backlash.dynamics import Dynamics, dynamics
+from gearstab.response.backlash.dynamics import Dynamics, dynamics, sampled
 from gearstab.response.backlash.follow import Chatter, ContactCourse, Event, Track, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter
-from gearstab.response.backlash.polynomials import sampled
-from gearstab.response.linear.driven import ON_A_JUMP, driven
-from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled, checked, samples_until
-from gearstab.response.linear.steady import unbalanced
+from gearstab.response.driven import ON_A_JUMP, driven
+from gearstab.response.history import RESPONSE_FLAGS, Response, assembled, checked, samples_until
+from gearstab.response.steady import unbalanced
 from gearstab.system import Array, GearSystem
 
 BACKLASH_FLAGS = RESPONSE_FLAGS | {"chatter": 256, "grazing": 512}
@@ -28,7 +27,7 @@ of too many events; ``grazing`` where a flank is hardly touched or missed, so th
 class BacklashResponse(Response):
     """The history of a vibration with loss of contact.
 
-    What :class:`~gearstab.response.linear.history.Response` has, but for: mesh_force, 0 while the teeth are apart;
+    What :class:`~gearstab.response.history.Response` has, but for: mesh_force, 0 while the teeth are apart;
     energy, with k_i (x_i - offset_i)^2/2 of the teeth in contact; growth_rate and ``unstable`` of the teeth that stay
     in contact.
 

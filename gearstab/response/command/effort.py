@@ -9,12 +9,12 @@ import numpy as np
 from gearstab.modal import mean_modes
 from gearstab.propagation.path import Path
 from gearstab.response.backlash.dynamics import REACH
-from gearstab.response.linear.driven import FEW, MAPS, driven
-from gearstab.response.linear.periodic import MOST_PANELS
-from gearstab.response.linear.ramp import equation_of
-from gearstab.response.linear.steady import FEWEST
-from gearstab.response.linear.steady import REACH as REACH_OF_STEPS
-from gearstab.response.measures.extremes import NODES
+from gearstab.response.driven import FEW, MAPS, driven
+from gearstab.response.history import equation_of
+from gearstab.response.panels import NODES
+from gearstab.response.periodic import MOST_PANELS
+from gearstab.response.steady import FEWEST
+from gearstab.response.steady import REACH as REACH_OF_STEPS
 from gearstab.system import GearSystem
 
 LONG = 20.0

@@ -1,25 +1,25 @@
-"""Forces of bearings and torques of shafts over time, and of run-ups over the speed."""
+"""Forces of bearings, torques of shafts and loads of teeth over time, and of run-ups over the speed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gearstab.connections import by_part
-from gearstab.response import RampResponse
-from gearstab.response.measures.connections import orders
-from gearstab.response.measures.waterfall import Windows
+from gearstab.modal import static_mesh_force
+from gearstab.response import RampResponse, Response
+from gearstab.response.loads import MOST_POINTS, LoadedTeeth, orders, phases, positions, tooth_loads
+from gearstab.response.spectra import Windows
 from gearstab.results import Variable
 from gearstab.results.units import unit_of
-from gearstab.results.variables.responses import (
-    MESH_ORDER,
-    history_of_connections,
-    load_of,
-    run_up_of_connections,
-)
+from gearstab.results.variables.responses import MESH_ORDER, history_of_connections, load_of, run_up_of_connections
 from gearstab.system import GearSystem
+
+if TYPE_CHECKING:
+    from gearstab.config import Config
+    from gearstab.systems.parts.respond import Respond
 
 
 def table(system: GearSystem, ramp: bool = False) -> list[Variable]:
@@ -50,3 +50,37 @@ def harmonics(system: GearSystem, found: RampResponse, forces: Mapping[str, Any]
     multiples = np.array(known)[:, None]
     own = {f"{name}_harmonic": windows.harmonics(forces[name], multiples) for name in names}
     return {MESH_ORDER: known, **own}
+
+
+def tooth_values(config: Config, wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
+    """The variables of TOOTH_LOADS, none where no teeth are known, nothing is loaded or a history begins anywhere."""
+    known = teeth(config)
+    if not known or system.load is None or not wanted.steady_state or found.status == "failed":
+        return {}
+    static = static_mesh_force(system)
+    points = min(MOST_POINTS, wanted.samples_per_cycle)
+    loads = [
+        tooth_loads(
+            item, phases(system, k, found.time, found.mesh_frequency), found.mesh_force[:, k], float(static[k]), points
+        )
+        for k, item in enumerate(known)
+    ]
+    stress = np.concatenate([load.stress for load in loads], axis=1)
+    known_stress = np.isfinite(stress)
+    largest = np.max(stress, axis=0, initial=0.0, where=known_stress)
+    return {
+        "contact": positions(points),
+        "tooth_load": np.stack([load.load for load in loads], axis=1),
+        "static_tooth_load": np.stack([load.static_load for load in loads], axis=1),
+        "flank": [f"{gear}, mesh {system.meshes[k].name}" for k, item in enumerate(known) for gear in item.in_order],
+        "root_stress": stress,
+        "static_root_stress": np.concatenate([load.static_stress for load in loads], axis=1),
+        "peak_root_stress": np.where(known_stress.any(axis=0), largest, np.nan),
+    }
+
+
+def teeth(config: Config) -> list[LoadedTeeth]:
+    """Return those of all meshes, none of a system that is not computed from its teeth, or whose teeth have relief."""
+    train = config.system.train()
+    meshes = [] if train is None or any(mesh.teeth.relieved for mesh in train.meshes) else train.meshes
+    return [LoadedTeeth(mesh.teeth.pairs[0], mesh.teeth.models[0], mesh.gears) for mesh in meshes]

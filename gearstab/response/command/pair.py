@@ -10,8 +10,8 @@ import numpy as np
 
 from gearstab.config import ConfigError
 from gearstab.errors import NotPossible
-from gearstab.response.measures.spectra import SHORTEST, spectrum
 from gearstab.response.rotating_pair import STATUS, InitialState, PairResponse, held, respond
+from gearstab.response.spectra import SHORTEST, spectrum
 from gearstab.results import Group, ResultTree, fields_of
 from gearstab.results.display import with_orders
 from gearstab.results.guard import RESPOND

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gearstab.modal import static_mesh_force
 from gearstab.propagation.path import Path
 from gearstab.response import RESPONSE_FLAGS, RampResponse, ramp_response
 from gearstab.response.command import loads
-from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.measures.waterfall import HARMONICS, waterfall
+from gearstab.response.spectra import HARMONICS, waterfall
 from gearstab.results import Group, ResultTree, Variable, coordinate, fields_of
 from gearstab.results.display import CYCLES, FACTOR, FREQUENCY, typed
 from gearstab.results.guard import RESPOND

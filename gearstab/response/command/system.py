@@ -11,17 +11,10 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.config.document.problems import Code
 from gearstab.errors import NotPossible
-from gearstab.response import (
-    RESPONSE_FLAGS,
-    backlash,
-    driven_response,
-    free_response,
-    harmonics,
-    steady_state,
-)
-from gearstab.response.command import effort, loads, ramp, tooth_loads
-from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
-from gearstab.response.measures.spectra import Spectra, amplitudes, densities
+from gearstab.modal import static_equilibrium, static_mesh_force
+from gearstab.response import RESPONSE_FLAGS, backlash, driven_response, free_response, harmonics, steady_state
+from gearstab.response.command import effort, loads, ramp
+from gearstab.response.spectra import Spectra, amplitudes, densities
 from gearstab.results import Group, ResultTree, Variable, fields_of
 from gearstab.results.display import with_orders
 from gearstab.results.guard import RESPOND
@@ -60,7 +53,10 @@ def response(
         if backlash.has_backlash(system):
             parting = _parting(wanted, system)
             return parting, _backlash_result(config, wanted, system, parting)
-        found = (_steady if wanted.steady_state else _history)(wanted, system)
+        if wanted.steady_state:
+            found = steady_state(system, wanted.mesh_frequency, wanted.samples_per_cycle)
+        else:
+            found = _history(wanted, system)
     except NotPossible as error:
         _refuse(config, ("respond",), "impossible", error.message, error.remedy)
     return found, _linear_result(config, wanted, system, found)
@@ -76,17 +72,13 @@ def _effort(config: Config, wanted: Respond, system: GearSystem) -> str | None:
     order = teeth = 0
     if wanted.steady_state:
         order = _order(round(duration / _period(wanted, system) * wanted.samples_per_cycle))
-        teeth = 0 if system.load is None else len(tooth_loads.teeth(config))
+        teeth = 0 if system.load is None else len(loads.teeth(config))
     return effort.linear_motion(system, wanted.mesh_frequency, duration, wanted.samples_per_cycle, order, teeth)
 
 
 def _order(samples: int) -> int:
     """The highest harmonic that is stored of a steady state of so many samples."""
     return max(1, min(samples // HARMONICS, MOST_HARMONICS))
-
-
-def _steady(wanted: Respond, system: GearSystem) -> Response:
-    return steady_state(system, wanted.mesh_frequency, wanted.samples_per_cycle)
 
 
 def _history(wanted: Respond, system: GearSystem) -> Response:
@@ -100,10 +92,9 @@ def _history(wanted: Respond, system: GearSystem) -> Response:
 def _parting(wanted: Respond, system: GearSystem) -> BacklashResponse:
     discard = None
     if wanted.discard is not None:
-        discard = wanted.discard * tau / (wanted.mesh_frequency * float(system.meshes[0].frequency_ratio))
-    duration = _duration(wanted, system)
+        discard = wanted.discard * _period(wanted, system)
     return backlash.backlash_response(
-        system, wanted.mesh_frequency, duration, _initial(wanted), wanted.samples_per_cycle, discard
+        system, wanted.mesh_frequency, _duration(wanted, system), _initial(wanted), wanted.samples_per_cycle, discard
     )
 
 
@@ -153,7 +144,7 @@ def _linear_result(config: Config, wanted: Respond, system: GearSystem, found: R
     values = {name: getattr(found, name)[:kept] for name in HISTORIES}
     if found.drift is not None:
         values["mean_velocity"] = found.drift
-    teeth = tooth_loads.values(config, wanted, system, found)
+    teeth = loads.tooth_values(config, wanted, system, found)
     table = flagged((*RESPONSE, *(TOOTH_LOADS if teeth else ())), RESPONSE_FLAGS)
     kind = "periodic steady state" if wanted.steady_state else "driven response" if system.forced else "free response"
     comment = (

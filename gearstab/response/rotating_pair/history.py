@@ -7,16 +7,17 @@ from math import floor, inf, tau
 
 import numpy as np
 
-from gearstab.response.rotating_pair.errors import ErrorGrowth, growth
 from gearstab.response.rotating_pair.integrate import (
     STATUS,
     Crossing,
+    ErrorGrowth,
     Goal,
     Run,
     TimedArc,
+    growth,
     integrate,
 )
-from gearstab.response.rotating_pair.jumps import Law, law_of
+from gearstab.response.rotating_pair.motion import Law, law_of
 from gearstab.rotating_pair import PairNumbers, RotatingPair
 from gearstab.system import Array
 
@@ -57,7 +58,7 @@ class Events:
 
     pairs_before, pairs_after: of teeth in contact, the same where the gears were reflected. energy_change: of the
     total energy, dk phi^2 where a formulation neglects what that takes. error_amplification, rounding_error: see
-    :class:`~gearstab.response.rotating_pair.errors.ErrorGrowth`.
+    :class:`~gearstab.response.rotating_pair.integrate.ErrorGrowth`.
     """
 
     time: Array

@@ -10,8 +10,7 @@ import pytest
 from gearbox_trains import MESHES, REFERENCE, tractor
 
 from gearstab.config import load
-from gearstab.modal import mean_modes
-from gearstab.response.linear.equilibrium import static_mesh_force
+from gearstab.modal import mean_modes, static_mesh_force
 from gearstab.system import GearSystem
 from gearstab.systems import build
 

@@ -12,8 +12,8 @@ from gearbox_trains import RPM, gear, mesh, tractor, train
 from gearstab.gears.friction import MeshFriction, XuKahraman, contact_state, mesh_friction
 from gearstab.gears.geometry import Gear
 from gearstab.gears.pair import Pair
+from gearstab.modal import static_equilibrium, static_mesh_force
 from gearstab.response import driven_response
-from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.system import GearSystem
 from gearstab.systems import build, section
 from gearstab.systems.gearbox.train import Train

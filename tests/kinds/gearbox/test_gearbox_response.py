@@ -11,10 +11,10 @@ from gearbox_trains import REFERENCE, crosscheck, gear, mesh, train
 from gearstab.gears.geometry import Gear
 from gearstab.gears.mesh_stiffness import StiffnessModel
 from gearstab.gears.pair import Pair
+from gearstab.modal import static_mesh_force
 from gearstab.response import steady_state
-from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.speeds import speed_response
-from gearstab.response.measures.tooth_loads import LoadedTeeth, tooth_loads
+from gearstab.response.loads import LoadedTeeth, tooth_loads
+from gearstab.response.speeds import speed_response
 from gearstab.systems import build
 
 

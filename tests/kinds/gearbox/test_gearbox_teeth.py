@@ -18,8 +18,8 @@ from gearstab.gears.mesh_stiffness import StiffnessModel
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import mesh_root_stress, root_stress
 from gearstab.plots import draw
-from gearstab.response.measures import tooth_loads as measure
-from gearstab.response.measures.tooth_loads import LoadedTeeth, positions, tooth_loads
+from gearstab.response import loads as measure
+from gearstab.response.loads import LoadedTeeth, positions, tooth_loads
 from gearstab.results import open_result
 
 PAIR = Pair(Gear(19, 2e-3, face_width=0.02), Gear(48, 2e-3, face_width=0.02))

@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from gearstab.gears.geometry import Gear
 from gearstab.gears.mesh_stiffness import mesh_stiffness
 from gearstab.gears.pair import Pair
-from gearstab.modal import mean_modes
-from gearstab.response.linear.equilibrium import static_mesh_force
+from gearstab.modal import mean_modes, static_mesh_force
 from gearstab.systems import build
 from gearstab.systems.kinematics import TrainError
 

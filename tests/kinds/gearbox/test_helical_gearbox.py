@@ -14,8 +14,7 @@ from test_planetary_sets import alone, as_text, in_a_train
 from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.info.train import facts
-from gearstab.modal import mean_modes
-from gearstab.response.linear.equilibrium import static_mesh_force
+from gearstab.modal import mean_modes, static_mesh_force
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.gearbox.train import Train

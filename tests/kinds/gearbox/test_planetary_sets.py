@@ -16,8 +16,7 @@ from scenes import DATA, problems, read
 from gearstab.floquet import solve
 from gearstab.info import periods
 from gearstab.info import train as info_train
-from gearstab.modal import mean_modes
-from gearstab.response.linear.equilibrium import static_mesh_force
+from gearstab.modal import mean_modes, static_mesh_force
 from gearstab.rotation import factors
 from gearstab.symmetry import natural_modes, phase_step, type_names
 from gearstab.systems import build

@@ -20,9 +20,9 @@ from gearstab.gears.loaded import loaded_mesh
 from gearstab.gears.loaded_helical import LoadedHelical
 from gearstab.gears.mesh_stiffness import single_stiffness
 from gearstab.gears.relief import FlankRelief, Relief
+from gearstab.modal import static_mesh_force
 from gearstab.response import steady_state
-from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.speeds import speed_response
+from gearstab.response.speeds import speed_response
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.gearbox.train import Train

@@ -12,11 +12,11 @@ import pytest
 from backlash_pairs import CASES, MOTIONS, pair, sorted_multipliers
 from scipy.integrate import solve_ivp
 
-from gearstab.response.branches.continuation import DOUBLING, FOLD, StepLimits
-from gearstab.response.branches.motions import GRAZING, Branch
-from gearstab.response.branches.sections import SectionMap
-from gearstab.response.branches.solve import BranchSearch, Starts
-from gearstab.response.linear.speeds import speed_response
+from gearstab.response.backlash.branches import BranchSearch, Starts
+from gearstab.response.backlash.continuation import DOUBLING, FOLD, StepLimits
+from gearstab.response.backlash.motions import GRAZING, Branch
+from gearstab.response.backlash.sections import SectionMap
+from gearstab.response.speeds import speed_response
 
 Array = np.ndarray
 ALWAYS, CONTACT = CASES

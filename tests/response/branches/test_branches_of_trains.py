@@ -8,11 +8,11 @@ import numpy as np
 from driven import integrated_with_backlash
 
 import gearstab
+from gearstab.response.backlash.branches import BranchSearch, Starts
 from gearstab.response.backlash.contact import play
-from gearstab.response.branches.continuation import DOUBLING, FOLD, StepLimits
-from gearstab.response.branches.motions import Branch, BranchMotion
-from gearstab.response.branches.sections import SectionMap
-from gearstab.response.branches.solve import BranchSearch, Starts
+from gearstab.response.backlash.continuation import DOUBLING, FOLD, StepLimits
+from gearstab.response.backlash.motions import Branch, BranchMotion
+from gearstab.response.backlash.sections import SectionMap
 from gearstab.system import GearSystem
 from gearstab.systems import build
 

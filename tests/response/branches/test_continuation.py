@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from gearstab.response.branches.continuation import (
+from gearstab.response.backlash.continuation import (
     BRANCHING,
     CLOSED,
     DOUBLING,
@@ -21,7 +21,7 @@ from gearstab.response.branches.continuation import (
     Curve,
     StepLimits,
 )
-from gearstab.response.branches.points import NoPoint, Point
+from gearstab.response.backlash.sections import NoPoint, Point
 
 Array = np.ndarray
 

@@ -11,9 +11,8 @@ from backlash_pairs import CASES, MOTIONS, pair, sorted_multipliers
 from driven import ERROR, FORCE, SMOOTH, integrated_with_backlash, train, with_waves
 
 from gearstab.response.backlash.contact import APART, play
-from gearstab.response.backlash.speeds import speed_cycles
-from gearstab.response.branches.sections import Lap, SectionMap
-from gearstab.response.branches.stability import LOSSES, of_settled, stability
+from gearstab.response.backlash.motions import LOSSES, of_settled, speed_cycles, stability
+from gearstab.response.backlash.sections import Lap, SectionMap
 from gearstab.system import GearSystem
 from gearstab.systems import build
 

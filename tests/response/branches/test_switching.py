@@ -9,10 +9,10 @@ import pytest
 from backlash_pairs import CASES, pair
 from scipy.integrate import solve_ivp
 
-from gearstab.response.branches.continuation import BRANCHING, DOUBLING, FOLD, StepLimits
-from gearstab.response.branches.sections import SectionMap
-from gearstab.response.branches.solve import BranchSearch, Starts
-from gearstab.response.branches.switching import directions
+from gearstab.response.backlash.branches import BranchSearch, Starts
+from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, FOLD, StepLimits
+from gearstab.response.backlash.sections import SectionMap
+from gearstab.response.backlash.switching import directions
 from gearstab.system import GearSystem
 
 Array = np.ndarray

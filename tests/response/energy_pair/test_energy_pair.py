@@ -11,7 +11,6 @@ import pytest
 from energy_pair_reference import K0, KAPPA, REFERENCE, W0, M, pair, theta_dot, tolerance
 from scipy.integrate import solve_ivp
 
-from gearstab.response.measures.spectra import spectrum
 from gearstab.response.rotating_pair import STATUS, InitialState, PairResponse, respond
 from gearstab.response.rotating_pair.integrate import (
     CHATTER,
@@ -21,7 +20,8 @@ from gearstab.response.rotating_pair.integrate import (
     TimedArc,
     integrate,
 )
-from gearstab.response.rotating_pair.jumps import Law, law_of
+from gearstab.response.rotating_pair.motion import Law, law_of
+from gearstab.response.spectra import spectrum
 from gearstab.rotating_pair import FORMULATIONS
 
 CASES = REFERENCE["cases"]

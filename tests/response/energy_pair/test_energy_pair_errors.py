@@ -11,10 +11,8 @@ import pytest
 from energy_pair_reference import W0, pair, theta_dot
 
 from gearstab.response.rotating_pair import STATUS, InitialState, respond
-from gearstab.response.rotating_pair.errors import LOST, growth
-from gearstab.response.rotating_pair.integrate import Crossing, Goal, Run, TimedArc, integrate
-from gearstab.response.rotating_pair.jumps import Law, law_of
-from gearstab.response.rotating_pair.motion import State
+from gearstab.response.rotating_pair.integrate import LOST, Crossing, Goal, Run, TimedArc, growth, integrate
+from gearstab.response.rotating_pair.motion import Law, State, law_of
 from gearstab.rotating_pair import FORMULATIONS
 
 mp.mp.dps = 80

@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearstab.response.rotating_pair.exits import first_exit
-from gearstab.response.rotating_pair.jumps import Law
-from gearstab.response.rotating_pair.motion import Arc, free_basis
+from gearstab.response.rotating_pair.motion import Arc, Law, free_basis
 
 
 @given(

@@ -16,8 +16,7 @@ from scenes import CONFIGS
 from gearstab.config import load
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.response.rotating_pair import InitialState, orbit, respond
-from gearstab.response.rotating_pair.jumps import Law
-from gearstab.response.rotating_pair.motion import Arc
+from gearstab.response.rotating_pair.motion import Arc, Law
 from gearstab.response.rotating_pair.orbit import PeriodicProblem
 from gearstab.response.rotating_pair.stability import (
     FLAGS,

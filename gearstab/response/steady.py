@@ -27,7 +27,7 @@ from gearstab.propagation.excitation import Excitation, excitation
 from gearstab.propagation.first_order import FirstOrder, ModalMatrices, bases
 from gearstab.propagation.intervals import SteadyPoints
 from gearstab.propagation.magnus import ORDER
-from gearstab.response.measures.panels import fastest
+from gearstab.response.panels import fastest
 from gearstab.system import Array, GearSystem
 
 STATUS_FLAGS = {

@@ -9,10 +9,10 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.modal import mean_modes
 from gearstab.propagation.first_order import FirstOrder
-from gearstab.response.linear.driven import driven
-from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled
-from gearstab.response.linear.steady import starts
-from gearstab.response.measures.panels import WEIGHTS, fastest, pieces
+from gearstab.response.driven import driven
+from gearstab.response.history import RESPONSE_FLAGS, Response, assembled
+from gearstab.response.panels import WEIGHTS, fastest, pieces
+from gearstab.response.steady import starts
 from gearstab.system import Array, GearSystem
 
 AT_ONCE = 2**11
@@ -39,7 +39,7 @@ def steady_state(
 ) -> Response:
     """The periodic response to what drives a system, over ``periods`` common periods, both ends included.
 
-    The initial state is that of :mod:`gearstab.response.linear.steady`; everything after follows from it exactly, so
+    The initial state is that of :mod:`gearstab.response.steady`; everything after follows from it exactly, so
     that the difference of the first and the last sample tells the error. Rigid-body modes that nothing holds back are
     balanced: the part of the load that would accelerate the train is left out (``unbalanced``), and displacements are
     relative to a uniform motion (``drift``).

@@ -18,7 +18,7 @@ from gearstab.propagation.excitation import Excitation, excitation
 from gearstab.propagation.first_order import FirstOrder, bases
 from gearstab.propagation.intervals import SteadyPoints, intervals
 from gearstab.propagation.one_motion import followed
-from gearstab.response.linear.steady import period_map, resolution
+from gearstab.response.steady import period_map, resolution
 from gearstab.system import Array, GearSystem
 
 FEW = 4

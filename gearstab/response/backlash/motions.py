@@ -1,23 +1,140 @@
-"""Limit cycles over speed: a run-up or a run-down, every mesh frequency from where the one before has led."""
+"""Periodic motions with loss of contact: their stability, as points of a branch, and as what motions settle to over speed.
+
+A run-up or a run-down begins at every mesh frequency where the motion at the one before has led.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from gearstab.floquet import solve
-from gearstab.modal import mean_modes
+from gearstab.modal import mean_modes, static_mesh_force
 from gearstab.propagation.first_order import bases
 from gearstab.response.backlash.contact import resting
+from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, FOLD, NEIMARK_SACKER, Curve
 from gearstab.response.backlash.history import BACKLASH_FLAGS, Recording
 from gearstab.response.backlash.measure import LimitCycle, Meter, elastic
-from gearstab.response.branches.sections import SectionMap
-from gearstab.response.branches.stability import MotionStability, of_settled
-from gearstab.response.linear.driven import driven
-from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.steady import unbalanced
+from gearstab.response.backlash.sections import Lap, NoPoint, SectionMap
+from gearstab.response.driven import driven
+from gearstab.response.steady import unbalanced
 from gearstab.system import Array, GearSystem
+
+LOSSES = {"none": 0, "fold": 1, "period_doubling": 2, "neimark_sacker": 3}
+"""Kind of stability loss by the multiplier of the largest magnitude: it is 1, -1 or one of a pair where stability is
+lost."""
+NEAR = 1e-3
+"""Part of its extent by which a motion may move when it is made periodic."""
+
+
+@dataclass(frozen=True)
+class MotionStability:
+    """Stability of a periodic motion.
+
+    multipliers: ``(m,)`` complex, of descending magnitude;  error: an estimate for them.
+    loss: a value of LOSSES, of what is lost, or would be first;  residual: of the motion, relative to its extent.
+    """
+
+    multipliers: Array
+    error: float
+    loss: int
+    residual: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers are inside of the unit circle."""
+        return bool(np.all(np.abs(self.multipliers) < 1))
+
+
+def stability(laps: SectionMap, lap: Lap, omega: float) -> MotionStability:
+    """The stability of a motion that ends, but for rounding, where it begins."""
+    values = lap.multipliers
+    extent = float(np.abs(lap.start).max(initial=0.0)) or 1.0
+    residual = float(np.abs(lap.end - lap.start).max(initial=0.0)) / extent
+    error = lap.multiplier_error(laps.lap(lap.end, omega, lap.periods))
+    return MotionStability(values, error, loss_of(values), residual)
+
+
+def loss_of(multipliers: Array) -> int:
+    """The value of LOSSES by multipliers of descending magnitude."""
+    if not len(multipliers):
+        return LOSSES["none"]
+    first = multipliers[0]
+    if first.imag != 0:
+        return LOSSES["neimark_sacker"]
+    return LOSSES["fold" if first.real > 0 else "period_doubling"]
+
+
+def of_settled(laps: SectionMap, x: Array, omega: float, periods: int) -> MotionStability | None:
+    """The stability of the periodic motion that the elastic state x has come near to; None where there is none."""
+    extent = float(np.abs(x).max(initial=0.0)) or 1.0
+    try:
+        point = Curve(lambda x, omega: laps.lap(x, omega, periods), extent, 1.0).at(x, omega)
+    except NoPoint:
+        return None
+    lap = point.visit
+    assert isinstance(lap, Lap)
+    if np.abs(point.x - x).max(initial=0.0) > NEAR * extent:
+        return None
+    return stability(laps, lap, omega)
+
+
+GRAZING = "grazing"
+MOST_BRANCHES = 32
+"""Branches of a system, at most."""
+KINDS = {"none": 0, FOLD: 1, DOUBLING: 2, NEIMARK_SACKER: 3, GRAZING: 4, BRANCHING: 5}
+"""Events of motions: what crosses the unit circle; the first of a doubled branch, up to which motions are linear."""
+BRANCH_FLAGS = {
+    "range_end": 1, "closed": 2, "unbounded": 4, "more_points": 8, "step_failed": 16, "linear_motions": 32,
+    "doubling": 64, "branch_point": 128, "grazing": BACKLASH_FLAGS["grazing"],
+}  # fmt: skip
+"""Bits of ``status``: why a branch ends at a motion, at an end of the range, where it began, or beyond the amplitude
+limit; as so many points were asked for; as no step was short enough; at linear motions of any amplitude; at the
+doubling or branch point that it leaves from. ``grazing``: a flank is hardly touched or missed."""
+
+
+@dataclass(frozen=True)
+class BranchMotion:
+    """A point of a branch. x, parameter, kind, multiplicity, vector: as there.  grazing: a flank is hardly touched."""
+
+    x: Array
+    parameter: float
+    kind: str
+    multiplicity: int
+    vector: Array | None
+    stability: MotionStability
+    cycle: LimitCycle
+    grazing: bool
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Periodic motions along a curve.
+
+    motions: in its order;  periods: common periods of each.
+    parent, leaves: the branch that it leaves and the number of the motion there, -1 for none.
+    ends: why it ends at the first and the last, of BRANCH_FLAGS.
+    """
+
+    motions: tuple[BranchMotion, ...]
+    periods: int
+    ends: tuple[str, str]
+    parent: int = -1
+    leaves: int = -1
+
+    def between(self, parameter: float) -> Iterator[tuple[int, Array, float]]:
+        """Where the branch passes a parameter: the motion next to it, the state ``(m,)`` there by a straight line, and
+        the step between the motions on both sides.
+        """
+        for k, (one, other) in enumerate(pairwise(self.motions)):
+            if (one.parameter - parameter) * (other.parameter - parameter) <= 0:
+                part = (parameter - one.parameter) / (other.parameter - one.parameter or 1.0)
+                step = other.x - one.x
+                yield k + round(part), one.x + part * step, float(np.abs(step).max(initial=0.0))
+
 
 FAILED = BACKLASH_FLAGS["chatter"] | BACKLASH_FLAGS["overflow"]
 SETTLED = BACKLASH_FLAGS["separation"]
@@ -31,7 +148,7 @@ class SpeedCycles:
     dynamic_load_factor: mesh_force_peak over the static mesh force; NaN where that is 0.
     multiplier_real, multiplier_imag: ``(P, 2 n)``, of the periodic motion, descending in magnitude; NaN for no more.
     multiplier_error: an estimate;  motion_stable: 1 stable, 0 unstable, -1 where no periodic motion is near.
-    loss: of stability, as in :mod:`gearstab.response.branches.stability`.
+    loss: of stability, as in :mod:`gearstab.response.backlash.motions`.
     status: bits of BACKLASH_FLAGS.
     """
 

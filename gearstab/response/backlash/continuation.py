@@ -20,7 +20,7 @@ from math import prod
 import numpy as np
 from scipy.optimize import brentq
 
-from gearstab.response.branches.points import NoPoint, Point, Visit
+from gearstab.response.backlash.sections import NoPoint, Point, Visit
 from gearstab.system import Array
 
 MOST_ITERATIONS = 12

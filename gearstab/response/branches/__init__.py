@@ -1,1 +1,0 @@
-"""Periodic motions with backlash as branches: multipliers, continuation, folds and doublings."""

@@ -1,1 +1,0 @@
-"""Histories and periodic steady states of linear systems."""

@@ -1,1 +1,0 @@
-"""Measures of a motion: extremes, spectra, panels, loads of teeth."""
