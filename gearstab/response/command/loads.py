@@ -12,7 +12,7 @@ from gearstab.response import RampResponse
 from gearstab.response.measures.connections import orders
 from gearstab.response.measures.waterfall import Windows
 from gearstab.results import Variable
-from gearstab.results.units import unit_of
+from gearstab.results.display import unit_of
 from gearstab.results.variables.responses import (
     MESH_ORDER,
     history_of_connections,

@@ -23,10 +23,9 @@ from gearstab.response.command import effort, loads, ramp, tooth_loads
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.response.measures.spectra import Spectra, amplitudes, densities
 from gearstab.results import Group, ResultTree, Variable, fields_of
-from gearstab.results.display import with_orders
-from gearstab.results.guard import RESPOND
+from gearstab.results.display import in_brackets, in_units_of, with_orders
 from gearstab.results.provenance import modes_group, root_attributes
-from gearstab.results.units import in_brackets, in_units_of
+from gearstab.results.read import RESPOND
 from gearstab.results.variables import flagged
 from gearstab.results.variables.responses import BACKLASH_RESPONSE, RESPONSE, TOOTH_LOADS
 from gearstab.system import GearSystem, shared_period
