@@ -57,8 +57,8 @@ def command(
     from gearstab.bench import measure
     from gearstab.bench.output import bench_group, table
     from gearstab.results import Group, ResultTree, write_result
-    from gearstab.results.guard import BENCH
     from gearstab.results.provenance import modes_group, root_attributes
+    from gearstab.results.read import BENCH
 
     found = measure(scene, points, seconds, lambda text: None if quiet else tell(f"measuring: {text}"))
     say(table(found, points))
@@ -79,7 +79,7 @@ def _guard(config: Path, target: Path, plot: bool) -> None:
     """Raise OutputError if the result or its picture would replace the configuration, each other or something else."""
     from gearstab.plots.drawing.style import FIGURE
     from gearstab.results import OutputError
-    from gearstab.results.guard import BENCH, result_of
+    from gearstab.results.read import BENCH, result_of
 
     picture = target.with_suffix(".png")
     if plot:

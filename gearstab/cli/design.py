@@ -24,8 +24,8 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
     from gearstab.config import load
     from gearstab.design import check, design
     from gearstab.results import write_result
-    from gearstab.results.guard import DESIGN, result_of
     from gearstab.results.output import prepare
+    from gearstab.results.read import DESIGN, result_of
 
     out = output or Path("results") / f"{config.stem}.design.h5"
     result_of(DESIGN).refuse(out, config)

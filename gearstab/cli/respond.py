@@ -26,8 +26,8 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
     from gearstab.cli.terminal.errors import warn
     from gearstab.config import load
     from gearstab.response.command import respond
-    from gearstab.results.guard import RESPOND, result_of
     from gearstab.results.output import prepare
+    from gearstab.results.read import RESPOND, result_of
 
     out = output or Path("results") / f"{config.stem}.response.h5"
     result_of(RESPOND).refuse(out, config)

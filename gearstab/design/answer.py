@@ -8,7 +8,7 @@ from gearstab.config.model.units import scale
 from gearstab.config.sections.objectives import objective_name, objective_unit
 from gearstab.design import values
 from gearstab.design.solution import Solution
-from gearstab.results.units import in_brackets, unit_of
+from gearstab.results.display import in_brackets, unit_of
 
 LONGEST = 5
 """Variables in the answer; further ones are counted."""

@@ -17,7 +17,7 @@ from gearstab.design.problem import Batch, DesignProblem
 from gearstab.design.solution import Solution
 from gearstab.floquet import solve
 from gearstab.results import Group, Variable, fields_of
-from gearstab.results.units import in_units_of, unit_of
+from gearstab.results.display import in_units_of, unit_of
 from gearstab.results.variables.design import (
     DESIGN,
     DESIGN_CHOICES,

@@ -62,8 +62,8 @@ def design(config: Config, say: Callable[[str], None] = lambda text: None) -> Re
     from gearstab.design.result import group
     from gearstab.design.solution import solved
     from gearstab.results import Group, ResultTree
-    from gearstab.results.guard import DESIGN
     from gearstab.results.provenance import modes_group, root_attributes
+    from gearstab.results.read import DESIGN
 
     if config.design is None:
         raise ValueError("the configuration has no section design")

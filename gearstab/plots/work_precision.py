@@ -28,7 +28,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         raise PlotError(f"this result holds no benchmark; it holds {listed(tree.children)}")
     if not (np.isfinite(tree["bench"]["error"]) & np.isfinite(tree["bench"]["seconds"])).any():
         raise PlotError("no method of this benchmark has an error and a time: there is nothing to draw")
-    figure, ax = new_frame(request, 0.95)
+    figure, ax = new_frame(request, (0.95, 0.6))
     lines = draw_methods(ax, tree["bench"].to_dataset())
     figure.legend(handles=lines, loc="outside lower center", ncols=2, fontsize=6.5, handlelength=1.6)
     write_title(figure, tree, request)

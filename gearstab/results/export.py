@@ -19,7 +19,7 @@ from gearstab.errors import ResultError, listed
 from gearstab.results.display import OF_MESH, in_display_units, in_speeds, number_of
 from gearstab.results.output import FIGURES, OTHERS, RESULTS, Content, writing
 from gearstab.results.read import reading
-from gearstab.results.variables.names import every_variable
+from gearstab.results.variables.responses import every_variable
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,9 +12,8 @@ import numpy as np
 from gearstab.errors import SettingError
 from gearstab.floquet.general.mean import frequencies_beyond_modes
 from gearstab.modal import Modes
-from gearstab.results.display import RATIOS
+from gearstab.results.display import RATIOS, in_units_of
 from gearstab.results.tree import Group, fields_of
-from gearstab.results.units import in_units_of
 from gearstab.results.variables import DEFLECTION_TYPE, MODES, MODES_OVER_SPEED, MODES_WITH_TERMS, Variable
 from gearstab.support import whirls
 from gearstab.symmetry import deflection_types, natural_modes, type_names

@@ -8,13 +8,14 @@ import stat
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import ceil, prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gearstab.errors import ResultError, UserError, one_line
-from gearstab.results.seal import intact
+from gearstab.results.hdf5 import holds_text, intact
+from gearstab.results.output import FIGURES, OTHERS, TABLES, Content
 from gearstab.results.tree import FORMAT, NO_VARIABLE
 
 if TYPE_CHECKING:
@@ -220,3 +221,31 @@ def branches_of(tree: xr.DataTree) -> xr.Dataset:
         raise ResultError("its branches were written by an older gearstab, in another layout: run the sweep again")
     own = own.reset_coords([name for name, item in own.coords.items() if item.ndim > 1])
     return own.assign_coords({name: tree.coords[name] for name in own.dims if name in tree.coords})
+
+
+SWEEP, RESPOND, BENCH, DESIGN = "sweep", "respond", "bench", "design"
+"""The commands that write results; a result names its own in the attribute ``command``."""
+
+INSTEAD = {".csv": "export", ".png": "plot", ".pdf": "plot", ".svg": "plot"}
+"""Ending of a name -> the command that writes such a file from a result."""
+
+
+def fault(command: str | None, path: Path) -> str:
+    """Return what is wrong with a file that a result of ``command`` (None: of any) is to replace, "" for nothing.
+
+    A damaged one counts as a result of the command if this still stands in it.
+    """
+    try:
+        if command is not None and is_sealed(path) is False and holds_text(path, command):
+            return ""
+        found = attributes(path)
+    except ResultError as error:
+        return str(error).removeprefix(f"{path}: ").removesuffix(REMEDY)
+    other = found["command"]
+    return f"is a result of gearstab {other}" if command not in (None, other) else ""
+
+
+def result_of(command: str | None) -> Content:
+    """Return what a command writes as its result, which may replace an earlier one of the same command only."""
+    wrong = (*TABLES, *FIGURES, *OTHERS)
+    return Content("a result", ".h5", partial(fault, command), wrong, streams=False, instead=INSTEAD)

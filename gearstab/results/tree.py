@@ -52,7 +52,7 @@ def octets(chunk: Encoded) -> bytes:
 
 @dataclass(frozen=True)
 class Chunked:
-    """Values that come as encoded chunks (:mod:`gearstab.results.chunks`), a part of an array each.
+    """Values that come as encoded chunks (:mod:`gearstab.results.hdf5`), a part of an array each.
 
     shape: of the whole; chunk: of every chunk, those at the upper ends filled up.
     pieces: gives (where the chunk begins, the chunk) once over; what no chunk covers is NaN, or 0 for integers.

@@ -1,6 +1,6 @@
 """Result files: netCDF-4/HDF5 with dimension scales and explicit types, complete from the moment they have their name.
 
-HDF5 writes to memory, or what comes as chunks to the file through :mod:`gearstab.results.sink`, so that a full disk is
+HDF5 writes to memory, or what comes as chunks to the file through :mod:`gearstab.results.hdf5`, so that a full disk is
 an ordinary OSError (inside the HDF5 library it can end in a crash).
 """
 
@@ -17,11 +17,9 @@ from uuid import uuid4
 import numpy as np
 
 from gearstab.errors import ResultError
-from gearstab.results.chunks import FILTER, decode
-from gearstab.results.guard import result_of
+from gearstab.results.hdf5 import FILTER, Sink, append_seal, decode, seal_of
 from gearstab.results.output import Look, move, naming, sync, temporary_file, writing
-from gearstab.results.seal import append_seal, seal_of
-from gearstab.results.sink import Sink
+from gearstab.results.read import result_of
 from gearstab.results.tree import FORMAT, NO_VARIABLE, Chunked, Field, Group, ResultTree, octets
 from gearstab.results.variables import TEXT, Variable
 

@@ -23,7 +23,7 @@ from uuid import uuid4
 import numpy as np
 
 from gearstab.errors import RequestError, SweepError
-from gearstab.results.chunks import LEVEL, compress
+from gearstab.results.hdf5 import LEVEL, compress
 from gearstab.sweep.compute import taken_over
 from gearstab.sweep.layout import GridBlock
 from gearstab.sweep.plan import Plan

@@ -21,8 +21,7 @@ from gearstab.config.configuration import without_files
 from gearstab.config.document.tree import mapping
 from gearstab.errors import ResultError, one_line
 from gearstab.methods import RANGE
-from gearstab.results.guard import SWEEP
-from gearstab.results.read import attributes, is_sealed, refuse_hollow
+from gearstab.results.read import SWEEP, attributes, is_sealed, refuse_hollow
 from gearstab.results.tree import FORMAT
 from gearstab.sweep.layout import Layout
 from gearstab.sweep.plan import Plan

@@ -10,7 +10,7 @@ from math import ceil, prod
 import numpy as np
 
 from gearstab.methods import Method
-from gearstab.results.chunks import decode, encode
+from gearstab.results.hdf5 import decode, encode
 from gearstab.results.tree import Offset
 from gearstab.results.variables import GRID, Variable
 from gearstab.system import Array

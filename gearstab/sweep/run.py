@@ -16,8 +16,8 @@ import numpy as np
 
 from gearstab import ckernel, interrupts
 from gearstab.errors import Interrupted, OutputError, SweepError, listed
-from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
+from gearstab.results.read import SWEEP, result_of
 from gearstab.results.write import image, rewrite_attributes
 from gearstab.sweep.effort.estimate import Estimate, long_runs
 from gearstab.sweep.effort.words import octets

@@ -11,7 +11,7 @@ from gearstab.cli import group
 from gearstab.config import ConfigError, load
 from gearstab.config.sections.sweep import GROUPS
 from gearstab.results import open_result
-from gearstab.results.variables.names import taken_names
+from gearstab.results.variables.responses import taken_names
 
 SCENE = """\
 system:

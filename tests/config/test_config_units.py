@@ -16,7 +16,7 @@ from scenes import CONFIGS, read
 from gearstab.cli import group
 from gearstab.config import ConfigError
 from gearstab.config.model.units import KNOWN, UnitError, hint_of, scale, to_si
-from gearstab.results.units import unit_of
+from gearstab.results.display import unit_of
 from gearstab.systems import build
 
 PAIR = """\

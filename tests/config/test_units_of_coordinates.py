@@ -13,8 +13,8 @@ from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
 from gearstab.plots import draw
 from gearstab.results import open_result
+from gearstab.results.display import in_units_of
 from gearstab.results.provenance import modes_group
-from gearstab.results.units import in_units_of
 from gearstab.results.variables.responses import RESPONSE, SPEED_RESPONSE
 from gearstab.system import GearSystem
 from gearstab.systems import build

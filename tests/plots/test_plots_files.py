@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import warnings
 
 import matplotlib as mpl
@@ -145,6 +146,20 @@ def test_text_by_latex_escapes_names_and_needs_its_programs(tmp_path, monkeypatc
     monkeypatch.setattr("gearstab.plots.drawing.style.which", lambda program: None)
     with pytest.raises(PlotError, match="latex, dvipng"):
         draw(made.response(), style="latex")
+
+
+def test_an_installation_of_latex_that_lacks_a_package_is_told_in_one_line(tmp_path, monkeypatch):
+    """As most installations do at first: matplotlib then raises an error of many lines."""
+    for name in ("latex", "dvipng"):
+        program = tmp_path / name
+        program.write_text("#!/bin/sh\necho \"! LaTeX Error: File 'type1ec.sty' not found.\"\nexit 1\n")
+        program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.setenv("MPLCONFIGDIR", str(tmp_path))
+    with pytest.raises(PlotError) as told, style("latex"):
+        draw(made.response(), style="latex")[0].draw_without_rendering()
+    assert str(told.value).endswith("LaTeX Error: File 'type1ec.sty' not found.")
+    assert "\n" not in str(told.value)
 
 
 def test_a_figure_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):

@@ -18,8 +18,8 @@ from scenes import TRAIN, code
 
 from gearstab.cli import main
 from gearstab.results import ResultError, open_result
+from gearstab.results.hdf5 import LENGTH, append_seal
 from gearstab.results.read import is_sealed
-from gearstab.results.seal import LENGTH, append_seal
 
 CONFIGS = {
     "sweep": """

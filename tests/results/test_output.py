@@ -21,8 +21,8 @@ from gearstab.interrupts import temporary
 from gearstab.plots.drawing.style import FIGURE
 from gearstab.results import OutputError
 from gearstab.results.export import TABLE
-from gearstab.results.guard import BENCH, RESPOND, SWEEP, result_of
 from gearstab.results.output import free_bytes, move, prepare, write_bytes, writing
+from gearstab.results.read import BENCH, RESPOND, SWEEP, result_of
 
 CONFIG = (
     TRAIN

@@ -26,14 +26,14 @@ from gearstab.results import (
     ResultError,
     ResultTree,
     Variable,
-    chunks,
     coordinate,
     fields_of,
     open_result,
     write_result,
 )
+from gearstab.results import hdf5
 from gearstab.results import variables as table
-from gearstab.results.chunks import FILTER, decode, encode, holds
+from gearstab.results.hdf5 import FILTER, decode, encode, holds
 from gearstab.results.output import write_bytes
 from gearstab.results.variables import responses
 from gearstab.results.write import image
@@ -159,7 +159,7 @@ def test_chunks_are_what_hdf5_decodes(
     compressor: str, values: np.ndarray, more: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if compressor == "zlib":
-        monkeypatch.setattr(chunks, "compress", zlib.compress)
+        monkeypatch.setattr(hdf5, "compress", zlib.compress)
     chunk = tuple(n + m for n, m in zip(values.shape, more, strict=True))
     data = encode(values, chunk)
     inside = tuple(slice(0, n) for n in values.shape)

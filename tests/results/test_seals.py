@@ -10,8 +10,8 @@ import pytest
 from scenes import TRAIN, code
 
 from gearstab.config.document.files import DataFileError, arrays
-from gearstab.results import ResultError, open_result, read, seal
-from gearstab.results.seal import holds
+from gearstab.results import ResultError, hdf5, open_result, read
+from gearstab.results.hdf5 import holds_text
 
 CONFIG = TRAIN + "sweep: {mesh_frequency: [4.0, 5.0], epsilon: [0.1, 0.2]}\nmethods: {floquet: {}}\n"
 RESPOND = CONFIG + "respond: {mesh_frequency: 5, cycles: 20, initial: {velocity: [1, 0, 0]}}\n"
@@ -126,14 +126,14 @@ def test_numbers_of_a_configuration_are_not_read_out_of_lists(tmp_path: Path) ->
 
 @pytest.mark.parametrize("at_once", [1, 3, 7, 64])
 def test_texts_are_found_wherever_pieces_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: int) -> None:
-    monkeypatch.setattr(seal, "AT_ONCE", at_once)
+    monkeypatch.setattr(hdf5, "AT_ONCE", at_once)
     path = tmp_path / "text"
     for before in range(20):
         data = b"\x05" * before + (5).to_bytes(8, "little") + b"sweep" + b"\x00" * 5
         path.write_bytes(data)
-        assert holds(path, "sweep")
-        assert not holds(path, "swee")
-        assert not holds(path, "weep")
+        assert holds_text(path, "sweep")
+        assert not holds_text(path, "swee")
+        assert not holds_text(path, "weep")
 
 
 def test_what_lies_still_is_looked_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

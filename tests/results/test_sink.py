@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from gearstab.results.sink import Sink
+from gearstab.results.hdf5 import Sink
 
 DATA = np.random.default_rng(0).bytes(5000)
 PIECES, GROUPS = 40, 12

@@ -14,7 +14,7 @@ from scenes import TRAIN, ran
 from gearstab.config import load
 from gearstab.errors import ResultError, SweepError
 from gearstab.results import open_result
-from gearstab.results.seal import LENGTH, append_seal
+from gearstab.results.hdf5 import LENGTH, append_seal
 from gearstab.results.write import rewrite_attributes
 from gearstab.sweep import Interrupted, Plan, compute, plan, run
 from gearstab.sweep.extension import extended

@@ -11,7 +11,7 @@ from gearstab.cli.report.facts import ShownSpeeds, State
 from gearstab.cli.report.page import Block, BulletList, Heading, Page, Picture, Table, Text
 from gearstab.errors import NotPossible, UserError
 from gearstab.info.tables import label_text
-from gearstab.results.units import in_brackets
+from gearstab.results.display import in_brackets
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -135,8 +135,7 @@ def _shown(config: Config, state: State, unit: str) -> ShownSpeeds:
     """
     from gearstab.config.model.units import UnitError, scale
     from gearstab.errors import ResultError
-    from gearstab.results.display import SI
-    from gearstab.results.units import unit_of
+    from gearstab.results.display import SI, unit_of
 
     own, factor = unit_of(state.system, "rad/s"), state.spans[0].factor
     plain = "time" in state.system.dimensionless
@@ -271,7 +270,7 @@ def _tree(solution: Solution) -> Any:
 def _design(solution: Solution) -> Iterator[Block]:
     from gearstab.design import values
     from gearstab.design.answer import answer
-    from gearstab.results.units import unit_of
+    from gearstab.results.display import unit_of
 
     yield Heading("Proposed design")
     # The reasons follow, all of them.

@@ -286,7 +286,7 @@ def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
 
 
 def _unit(system: GearSystem, unit: str) -> str:
-    from gearstab.results.units import unit_of
+    from gearstab.results.display import unit_of
 
     return unit_of(system, unit)
 

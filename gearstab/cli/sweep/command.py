@@ -74,7 +74,7 @@ def command(
     target = output or Path("results") / f"{config.stem}.h5"
     from gearstab.config import load
     from gearstab.info import outcome
-    from gearstab.results.guard import SWEEP, result_of
+    from gearstab.results.read import SWEEP, result_of
     from gearstab.sweep import MOST_FAILURES, plan, run
 
     conditions = [outcome.condition(text) for text in limits_of]

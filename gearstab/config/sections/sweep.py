@@ -166,7 +166,7 @@ def _report_teeth(document: Document, found: list[UnresolvedAxis]) -> None:
 
 def _named_freely(context: Context, name: str, path: Path) -> None:
     """Report a name that HDF5 cannot hold, or that something else in a result has."""
-    from gearstab.results.variables.names import taken_names
+    from gearstab.results.variables.responses import taken_names
 
     plain = name.strip() == name and name not in ("", ".", "..") and not re.search(r"[/\x00-\x1f\x7f]", name)
     if not plain or len(name) > LONGEST_NAME:

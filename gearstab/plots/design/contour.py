@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots.design.dataset import OPTIMUM, design_of, label_of, objective_label
-from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import GROWTH, LINE, new_figure
 from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
@@ -45,9 +45,10 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
         ax.set_visible(False)
     width = 0.62 * figure.get_figwidth() / columns
     for ax in panels[: len(pairs)]:
-        ax.set_xlabel(fitted(ax.get_xlabel(), width, 8.5))
+        ax.set_xlabel(fitted(ax.get_xlabel(), width, 8.5), linespacing=0.95)
         ax.set_ylabel(fitted(ax.get_ylabel(), width, 8.5), linespacing=0.95)
     figure.colorbar(artists["cells"][0], ax=list(panels), label=objective_label(data), pad=0.01)
+    write_legend(figure, [artists["optimum"][0], artists["margins"][0]])
     write_title(figure, tree, request)
     return figure, artists
 
@@ -93,9 +94,21 @@ def draw_panel(
     (x_best, x_room), (y_best, y_room) = (
         (float(item["optimum"]), [[float(item["margin_lower"])], [float(item["margin_upper"])]]) for item in own
     )
-    bars = ax.errorbar(x_best, y_best, y_room, x_room, color="white", elinewidth=2.0, capsize=0, zorder=3)
-    ax.errorbar(x_best, y_best, y_room, x_room, color=OPTIMUM, elinewidth=1.0, capsize=2, zorder=4)
-    (star,) = ax.plot(x_best, y_best, marker="*", color=OPTIMUM, markeredgecolor="white", markersize=8, zorder=5)
+    ax.errorbar(x_best, y_best, y_room, x_room, color="white", elinewidth=2.0, capsize=0, zorder=3)
+    bars = ax.errorbar(
+        x_best, y_best, y_room, x_room, color=OPTIMUM, elinewidth=1.0, capsize=2, zorder=4, label="room to move"
+    )
+    (star,) = ax.plot(
+        x_best,
+        y_best,
+        marker="*",
+        color=OPTIMUM,
+        linestyle="none",
+        markeredgecolor="white",
+        markersize=8,
+        zorder=5,
+        label="optimum",
+    )
     star.set_clip_on(False)
     ax.set_xlabel(label_of(tree, data, x))
     ax.set_ylabel(label_of(tree, data, y))

@@ -28,7 +28,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
     best = float(np.ravel(data["objective_optimum"].values)[0])
     change = data["step_objective"].values[known] - best
     order = np.argsort(np.nanmax(np.abs(change), axis=1), kind="stable")
-    figure = new_figure(request, 0.28 + 0.11 * len(known))
+    figure = new_figure(request, (0.28 + 0.11 * len(known), 0.14 + 0.06 * len(known)))
     ax = figure.add_subplot()
     place = np.arange(len(known), dtype=float)
     bars = [

@@ -145,8 +145,16 @@ def number_decades(side: MatplotlibAxis) -> None:
     low, high = side.get_view_interval()
     if high / low < 2e3:
         side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        side.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        side.set_major_formatter(FuncFormatter(lambda value, _: decade_text(value)))
     side.set_minor_formatter(NullFormatter())
+
+
+def decade_text(value: float) -> str:
+    """``200``, or ``$2\\times 10^{-6}$`` where digits alone would be many."""
+    if 1e-3 <= value < 1e5:
+        return f"{value:g}"
+    digit, power = f"{value:.0e}".split("e")
+    return f"${'' if digit == '1' else digit + chr(92) + 'times'}10^{{{int(power)}}}$"
 
 
 def limits(axis: FigureAxis) -> tuple[float, float]:

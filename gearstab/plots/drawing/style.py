@@ -36,7 +36,8 @@ EXTENSIONS = (".png", ".pdf", ".svg")
 RESOLUTION = 300
 """Dots per inch of a PNG file and of the rasterised parts of a PDF or SVG file."""
 
-LINE = "#1a1a1a"
+LINE, LIGHT = "#1a1a1a", "#f7f3ea"
+"""Lines on light and on dark colours."""
 FAILED = "#b9b9b9"
 SHADE = "#d3dbe6"
 PROVED = "#e4f1e6"
@@ -109,7 +110,7 @@ def style(name: str = "") -> Iterator[None]:
     """Matplotlib's defaults plus ``RC`` and a style; the parameters found on entry come back on exit.
 
     name: "latex", one of matplotlib's styles or the path of a style sheet. A letter that no font has is drawn as a box,
-    without a warning. Raises PlotError for an unknown style, and where LaTeX is asked for and not installed.
+    without a warning. Raises PlotError for an unknown style, and where LaTeX is asked for and not installed or fails.
     """
     with mpl.rc_context(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=r"Glyph .* missing from", category=UserWarning)
@@ -125,7 +126,13 @@ def style(name: str = "") -> Iterator[None]:
                 raise PlotError(f"--style {name}: no style sheet of this name; use a file, or {known}") from None
         if mpl.rcParams["text.usetex"] and not all(map(which, PROGRAMS)):
             raise PlotError(f"--style {name}: text by LaTeX needs the programs {listed(PROGRAMS)}; install them")
-        yield
+        try:
+            yield
+        except RuntimeError as error:
+            if not mpl.rcParams["text.usetex"]:
+                raise
+            why = next((line for line in str(error).splitlines() if line.startswith("!")), "it stopped with an error")
+            raise PlotError(f"--style {name}: LaTeX cannot set the text of this figure: {why.lstrip('! ')}") from error
 
 
 def new_figure(request: Request, aspect: float | tuple[float, float], default: str = "single") -> Figure:

@@ -110,7 +110,7 @@ def path_words(path: str) -> str:
 def short_label(name: str, meshes: Mapping[str, int] | None = None) -> str:
     r"""``$\varepsilon$``, or the plain name of an axis without a symbol."""
     math = symbol(name, meshes)
-    return f"${math}$" if math else plain(name.replace("_", " "))
+    return f"${math}$" if math else plain(path_words(name))
 
 
 def fitted(text: str, inches: float, points: float) -> str:

@@ -46,7 +46,7 @@ AIR = 1.22
 FAINT, GREY = "#a0a0a0", "#5f5f5f"
 MOST_CLOSED = 60
 """Closed regions of two modes are not marked where there are more of them."""
-SIZES = (1.5, 4.0)
+SIZES = (2.2, 4.0)
 """Size of a mark, in points: for a line, and for a region from WIDE of the frame on."""
 WIDE = 0.03
 ALIKE = 1e-6
@@ -234,7 +234,7 @@ def draw_crossings(ax: Axes, panel: Panel, unit: float) -> Artists:
             if low <= centre <= high and region.harmonic <= panel.orders:
                 marks.add(region, centre, own, (ends[1] - ends[0]) / (high - low))
         elif 0 < region.harmonic <= panel.orders and low <= centre <= high:
-            closed.add(region, centre, own, 1.0)
+            closed.add(region, centre, own, 0.5 * WIDE)
     if len(closed.two) > MOST_CLOSED:
         closed.two.clear()
     ax.add_collection(LineCollection(bars, colors=UNSTABLE, linewidths=2.6, zorder=2.5), autolim=False)
@@ -302,23 +302,29 @@ CLOSED = {"one": "one mode, closed", "two": "two modes, closed"}
 def spot(sort: str, faint: bool, words: str) -> Line2D:
     """The entry of a mark in a legend."""
     face, edge = ("white", FAINT) if faint else (UNSTABLE, LINE)
+    # The frequencies of two modes are joined by dots.
     return Line2D(
-        [], [], linestyle="none", marker=MARKERS[sort], markersize=SIZES[1], markerfacecolor=face, markeredgecolor=edge,
-        markeredgewidth=0.5, label=words,
+        [], [], color=UNSTABLE, linestyle=":" if sort == "two" and not faint else "none", linewidth=0.5,
+        marker=MARKERS[sort], markersize=SIZES[1], markerfacecolor=face, markeredgecolor=edge, markeredgewidth=0.5,
+        label=words,
     )  # fmt: skip
 
 
-def name_panel(ax: Axes, panel: Panel, unit: float, rows: int) -> Artists:
-    """Name natural frequencies beside the frame, by their numbers where it begins, and open regions above it."""
+def name_modes(ax: Axes, panel: Panel, unit: float) -> names.NamedTongues:
+    """Name natural frequencies beside the frame, by their numbers where it begins."""
     top = ax.get_ylim()[1]
     last = panel.modes[-1, panel.branches[-1]] / unit
     shown = [k for k in np.argsort(last, kind="stable") if 0 < last[k] <= top]
     alike = np.split(shown, np.flatnonzero(np.diff(last[shown]) > ALIKE * top) + 1) if shown else []
     words = [rf"$\omega_{{{','.join(str(k + 1) for k in sorted(group))}}}$" for group in alike]
     middle = np.array([last[group].mean() for group in alike])
-    modes = names.name_places(ax, words, middle / top, -middle, False)
+    return names.name_places(ax, words, middle / top, -middle, False)
+
+
+def name_regions(ax: Axes, panel: Panel, rows: int) -> names.NamedTongues | None:
+    """Name open regions above the frame, whose width must have settled; None where it is not over the speed."""
     if panel.parameter is not None:
-        return {"names": None, "mode_names": modes}
+        return None
     factor, limits = panel.view.factor or 1.0, ax.get_xlim()
     found = [region for region in panel.regions if panel.within(region)[0]]
     edges = np.clip([(r.low[0] / factor, r.high[0] / factor) for r in found], *limits).reshape(-1, 2)
@@ -326,8 +332,7 @@ def name_panel(ax: Axes, panel: Panel, unit: float, rows: int) -> Artists:
     widest = np.argsort(-width, kind="stable")[:NAMED]
     across = (ax.transData + ax.transAxes.inverted()).transform(np.column_stack([edges.mean(axis=1), width]))[:, 0]
     words = [tongue_label(found[k].label, mesh_numbers(panel.tree)) for k in widest]
-    named = names.name_places(ax, words, across[widest], width[widest], True, rows)
-    return {"names": named, "mode_names": modes}
+    return names.name_places(ax, words, across[widest], width[widest], True, rows)
 
 
 def legend_handles(panels: list[Panel], drawn: list[Artists]) -> list[Any]:
@@ -395,7 +400,10 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     write_title(figure, tree, request, view)
     names.settle(figure)
     for ax, panel, artists in zip(axes, panels, drawn, strict=False):
-        artists |= name_panel(ax, panel, unit, 3 if len(panels) == 1 else 1)
+        artists["mode_names"] = name_modes(ax, panel, unit)
+    names.settle(figure)
+    for ax, panel, artists in zip(axes, panels, drawn, strict=False):
+        artists["names"] = name_regions(ax, panel, 3 if len(panels) == 1 else 1)
     names.freeze(figure, request)
     for ax, artists in zip(axes, drawn, strict=False):
         marks = [mark for sort in ("regions", "closed") for mark in artists[sort].values()]

@@ -9,6 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from gearstab.plots.axes import FigureAxis
 from gearstab.plots.cases import Index, caption, some
@@ -52,10 +53,21 @@ def draw_bands(tree: xr.DataTree, ax: Axes, view: View) -> tuple[tongues.DrawnTo
     if lines is None:
         return None, None
     edges = lines.open_ranges()
+    if not len(edges):
+        return lines, None
     return lines, ax.broken_barh(
         list(zip(edges[:, 0], edges[:, 1] - edges[:, 0], strict=True)), (0, 1), transform=ax.get_xaxis_transform(),
         facecolors=SHADE, linewidth=0, zorder=0.5,
     )  # fmt: skip
+
+
+def legend_of_bands(tree: xr.DataTree, bands: object | None) -> list[Patch]:
+    """Return the handle of the bands of unstable speeds; none without them."""
+    if bands is None:
+        return []
+    exact = "boundaries" in tree.children
+    words = "unstable" if exact else f"unstable, {tongues.LOOKS[tongues.theory(tree, 'perturbation')][1]}"
+    return [Patch(facecolor=SHADE, label=words)]
 
 
 def chosen_curves(view: View, data: xr.DataArray, request: Request) -> tuple[list[Index], str]:
@@ -81,7 +93,7 @@ def dress(ax: Axes, x: FigureAxis, label: str) -> None:
     grid.number(ax.xaxis, x)
     grid.draw_ranges(ax, x, True, 0.97)
     ax.set_xlabel(x.label)
-    ax.set_ylabel(fitted(label, 1.8, 8.5))
+    ax.set_ylabel(fitted(label, 1.8, 8.5), linespacing=0.95)
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
@@ -92,7 +104,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     dataset, data = find_variable(tree, variable)
     view = view_along(tree, map(str, data.dims), request, dataset)
     cases, note = chosen_curves(view, data, request)
-    figure, ax = new_frame(request, 0.62)
+    figure, ax = new_frame(request, (0.72, 0.5))
     lines = [draw_curve(ax, data, view.at(**c), k, caption(view.free, c)) for k, c in enumerate(cases)]
     doubted = draw_doubts(tree, ax, dataset, view, cases, lines)
     low, high = grid.limits(view.x) if view.x.size == 1 else view.x.ascending[[0, -1]]
@@ -102,7 +114,12 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.8)
     found, bands = draw_bands(tree, ax, view) if len(cases) == 1 else (None, None)
     tint = proved.draw_proved(tree, ax, view, None) if len(cases) == 1 else None
-    handles = [*(lines if len(cases) > 1 else []), *proved.legend_of(tint), *doubt.legend_of_curves(doubted)]
+    handles = [
+        *(lines if len(cases) > 1 else []),
+        *legend_of_bands(tree, bands),
+        *proved.legend_of(tint),
+        *doubt.legend_of_curves(doubted),
+    ]
     write_legend(figure, handles, ax=request.ax)
     write_title(figure, tree, request, view)
     names.settle(figure)

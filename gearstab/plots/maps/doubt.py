@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearstab.plots.drawing import grid
-from gearstab.plots.drawing.style import FAILED
+from gearstab.plots.drawing.style import FAILED, LINE
 from gearstab.plots.view import MapView, View
 from gearstab.results.variables.flags import Flags
 
@@ -128,4 +128,4 @@ def legend_of_map(words: Mapping[str, PolyCollection]) -> list[Patch]:
 def legend_of_curves(words: Sequence[str]) -> list[Line2D]:
     """Return the handle for the halos of curves; none without."""
     text = ", ".join(dict.fromkeys(words))
-    return [Line2D([], [], color=EDGE, label=text, **HALO)] if words else []
+    return [Line2D([], [], color=LINE, label=text, **HALO)] if words else []

@@ -9,10 +9,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from gearstab.errors import PlotError
 from gearstab.plots.drawing import grid
-from gearstab.plots.drawing.style import GROWTH, LINE
+from gearstab.plots.drawing.style import GROWTH, LIGHT, LINE
 from gearstab.plots.drawing.text import number_text
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps.stability_map import whole_map
@@ -29,7 +30,8 @@ DASHES: tuple[Any, ...] = ("-", (0, (4, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1, 
 
 def draw_map(ax: Axes, view: MapView, data: xr.DataArray, levels: tuple[float, ...] = LEVELS) -> Artists:
     """Draw one map into a frame: ``cells`` (white where all samples are stable), ``failed`` (hatched), ``limits`` (None
-    where the grid is a line or has an axis of labels) and ``note`` (where all samples are stable everywhere).
+    where the grid is a line or has an axis of labels) with their ``entries`` in the legend, and ``note`` (where all
+    samples are stable everywhere).
     """
     values = view.cut(data, view.y.name, view.x.name).astype(float)
     failed = ~np.isfinite(values)
@@ -38,6 +40,7 @@ def draw_map(ax: Axes, view: MapView, data: xr.DataArray, levels: tuple[float, .
         "cells": grid.draw_cells(ax, view.x, view.y, shown, GROWTH, Normalize(0.0, 1.0)),
         "failed": grid.draw_failed(ax, view.x, view.y, failed),
         "limits": None,
+        "entries": [],
         "note": None,
     }
     if not shown.count() and not failed.any():
@@ -48,8 +51,14 @@ def draw_map(ax: Axes, view: MapView, data: xr.DataArray, levels: tuple[float, .
         crossed = [level for level in levels if (values < level).any() and (values > level).any()]
         if crossed:
             dashes = [DASHES[levels.index(level) % len(DASHES)] for level in crossed]
-            lines: Artists = {"colors": LINE, "linewidths": 0.6, "linestyles": dashes, "zorder": 2}
+            # Light lines on the dark half of the colours.
+            colours = [LINE if level < 0.5 else LIGHT for level in crossed]
+            lines: Artists = {"colors": colours, "linewidths": 0.6, "linestyles": dashes, "zorder": 2}
             artists["limits"] = ax.contour(x, y, np.ma.masked_invalid(values), levels=crossed, **lines)
+            artists["entries"] = [
+                Line2D([], [], color=LINE, linewidth=0.6, linestyle=dash, label=f"{number_text(100 * level)} %")
+                for level, dash in zip(crossed, dashes, strict=True)
+            ]
     grid.frame(ax, view.x, view.y)
     return artists
 
@@ -66,10 +75,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     levels = tuple(sorted(request.levels)) or LEVELS
 
     def painted(tree: xr.DataTree, ax: Axes, view: MapView) -> tuple[Artists, str]:
-        artists = draw_map(ax, view, tree[GROUP].to_dataset()[NAME], levels)
-        drawn = [] if artists["limits"] is None else [float(level) for level in artists["limits"].levels]
-        lines = f", lines at {', '.join(map(number_text, drawn))}" if drawn else ""
-        return artists, f"probability of instability{lines}"
+        return draw_map(ax, view, tree[GROUP].to_dataset()[NAME], levels), "probability of instability"
 
     return whole_map(tree, request, dataset, data, painted)
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from gearstab.errors import PlotError
 from gearstab.plots.drawing import grid
-from gearstab.plots.drawing.style import GROWTH, LINE
+from gearstab.plots.drawing.style import GROWTH, LIGHT, LINE
 from gearstab.plots.drawing.text import axis_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps.stability_map import whole_map
@@ -25,7 +25,6 @@ Artists = dict[str, Any]
 NAME = "required_damping"
 LEVELS = 8
 """Contour lines, about."""
-LIGHT = "#f7f3ea"
 
 
 def words(dataset: xr.Dataset) -> str:

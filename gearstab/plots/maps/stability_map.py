@@ -176,6 +176,7 @@ def whole_map(
     artists["colour_bar"] = bar
     tint, doubtful = artists.get("proved"), artists.get("doubtful", {})
     handles = [
+        *artists.get("entries", []),
         *tongues.legend_of(tree, artists),
         *proved.legend_of(tint),
         *doubt.legend_of_map(doubtful),

@@ -9,6 +9,8 @@ import numpy as np
 import xarray as xr
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, NullLocator
 from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection  # type: ignore[import-untyped]
@@ -160,15 +162,22 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     lower, upper = (edge / (speed.factor or 1.0) for edge in read_surface(tree, view, tongue))
     if not np.isfinite(upper - lower).any():
         raise PlotError("this tongue is closed everywhere in the result: nothing to draw")
-    figure = new_figure(request, 0.86)
+    figure = new_figure(request, (0.9, 0.62))
     figure.set_layout_engine("none")
     # The grid of such axes has no other public handle, and keeps what holds when they are made.
     with rc_context({"grid.color": "#cccccc", "grid.linewidth": 0.3}):
-        ax: Axes3D = figure.add_axes((0.0, 0.02, 0.95, 0.9), projection="3d", computed_zorder=False)
+        ax: Axes3D = figure.add_axes((0.0, 0.07, 0.95, 0.85), projection="3d", computed_zorder=False)
     artists = draw_surface(ax, view, lower, upper)
     dress(ax, view, speed)
     label = axis_of(data, "tongue", mesh_numbers(tree)).text(tongue)
     write_title(figure, tree, request, view)
+    handles: list[Any] = [
+        Patch(facecolor=UPPER, label="upper boundary"),
+        Patch(facecolor=LOWER, label="lower boundary"),
+    ]
+    if artists["vanishing"] is not None:
+        handles.append(Line2D([], [], color=LINE, linewidth=1.6, label="closed"))
+    figure.legend(handles=handles, loc="lower center", ncols=len(handles))
     artists["name"] = ax.text2D(0.05, 0.92, tongue_label(label, view.x.meshes), transform=ax.transAxes, fontsize=9)
     return figure, artists
 

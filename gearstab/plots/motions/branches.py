@@ -41,9 +41,11 @@ VALUE = "branch_value"
 """The variable that holds the value of the axis, of branches along another one than the mesh frequency."""
 MARKS = {
     1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s"),
-    5: ("branch point", "^"),
+    4: ("grazing", "x"), 5: ("branch point", "^"),
 }  # fmt: skip
 """Kinds of points that are marked: what they are called, and how they look."""
+GRAZING = 4
+"""The kind at which stability need not change."""
 DASHED = (0, (3, 1.6))
 
 
@@ -79,7 +81,7 @@ class Curves:
         for number in range(int(self.branch.max(initial=-1)) + 1):
             own = np.flatnonzero(self.branch == number)
             # A stretch between two points is stable where both are, or one is and the other is where stability changes.
-            settled = self.stable[own] | np.isin(self.kind[own], list(MARKS))
+            settled = self.stable[own] | np.isin(self.kind[own], [kind for kind in MARKS if kind != GRAZING])
             between = settled[:-1] & settled[1:] & (self.stable[own][:-1] | self.stable[own][1:])
             for part in np.split(np.arange(len(between)), np.flatnonzero(np.diff(between)) + 1):
                 if len(part):
@@ -121,7 +123,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         raise PlotError(f"branches are drawn over {along}, not over {view.x.name}")
     unit = float(tree[along].attrs.get(SHOWN_SCALE, 1.0)) if VALUE in dataset else view.factor or 1.0
     cases, note = some(view.free, len(CASES), "curves", request.partial)
-    figure, ax = new_frame(request, (0.66, 0.4))
+    figure, ax = new_frame(request, (0.74, 0.44))
     artists: Artists = {"lines": [], "marks": [], "arrows": []}
     handles = []
     for number, case in enumerate(cases):
@@ -150,8 +152,11 @@ def _legend(artists: Artists) -> list[Line2D]:
         for name, marker in MARKS.values()
         if marker in there
     ]
-    dashed = any(line.get_linestyle() == "--" for line in artists["lines"])
-    return [*marks, *([Line2D([], [], color=CASES[0], linestyle=DASHED, label="unstable")] if dashed else [])]
+    if artists["arrows"]:
+        marks.append(Line2D([], [], color=CASES[0], marker=r"$\uparrow$", linestyle="none", markersize=6, label="jump"))
+    if any(line.get_linestyle() == "--" for line in artists["lines"]):
+        marks.append(Line2D([], [], color=CASES[0], linestyle=DASHED, label="unstable"))
+    return marks
 
 
 KIND = Kind(

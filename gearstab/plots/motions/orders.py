@@ -20,7 +20,7 @@ from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.motions.response import MOST_PANELS, fit_labels
 from gearstab.plots.motions.waterfall import mesh_ratios, speed_label
 from gearstab.plots.view import Request
-from gearstab.results.display import CYCLES, FACTOR, FREQUENCY, SPEEDS
+from gearstab.results.display import CYCLES, FACTOR, FREQUENCY, SHOWN_SCALE, SPEEDS
 
 Artists = dict[str, Any]
 Array = np.ndarray
@@ -53,7 +53,9 @@ class Orders:
     def cycles(self, tree: xr.DataTree) -> float | None:
         """Cycles of the first mesh in a turn of the input shaft, None where no teeth are known."""
         known = self.data.coords[self.speed].attrs
-        default = None if self.speed == FREQUENCY else known.get(FACTOR)
+        default = (
+            None if self.speed == FREQUENCY or FACTOR not in known else known[FACTOR] / known.get(SHOWN_SCALE, 1.0)
+        )
         found = known.get(CYCLES, group_of(tree, "response").attrs.get(CYCLES, default))
         return None if found is None else float(found)
 

@@ -23,8 +23,8 @@ LOOKS: dict[int, tuple[str, Any, str]] = {
     0: (LINE, "-", "neither"),
 }
 """By the sense of the orbits: colour, line, words."""
-TURNING = "#8a8a8a"
-"""Colour of lines at the speeds of rotation."""
+TURNING: dict[str, Any] = {"color": "#6e6e6e", "linestyle": ":", "linewidth": 1.0}
+"""Look of lines at the speeds of rotation."""
 
 
 @dataclass(frozen=True)
@@ -76,17 +76,7 @@ class WhirlCurves:
             ax.plot(self.speed[at], drawn[at], "o", markersize=4.5, color=LINE, fillstyle="none", zorder=3)
         for ratio in sorted({abs(ratio) for ratio in self.ratios if ratio}):
             y = ratio * factor * self.speed / unit
-            ax.plot(self.speed, y, color=TURNING, linestyle=":", linewidth=1.0, zorder=1.6)
-            inside = np.flatnonzero(y <= ax.get_ylim()[1])
-            if inside.size:
-                end = float(self.speed[inside[-1]]), float(y[inside[-1]])
-                words: dict[str, Any] = {
-                    "textcoords": "offset points",
-                    "ha": "right",
-                    "fontsize": 6.5,
-                    "color": TURNING,
-                }
-                ax.annotate("rotation", end, (-2, 2), **words)
+            ax.plot(self.speed, y, **TURNING, zorder=1.6)
         return lines
 
     def bands(self) -> list[tuple[float, float]]:
@@ -112,4 +102,6 @@ class WhirlCurves:
             found.append(Line2D([], [], color=LINE, label="veering", **mark))
         if ((self.growth > 0) & (self.frequency > 0)).any():
             found.append(Line2D([], [], color=UNSTABLE, linewidth=2.6, alpha=0.8, label="grows by itself"))
+        if any(self.ratios):
+            found.append(Line2D([], [], **TURNING, label="speed of rotation"))
         return found

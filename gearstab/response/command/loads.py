@@ -13,7 +13,7 @@ from gearstab.response import RampResponse, Response
 from gearstab.response.loads import MOST_POINTS, LoadedTeeth, orders, phases, positions, tooth_loads
 from gearstab.response.spectra import Windows
 from gearstab.results import Variable
-from gearstab.results.units import unit_of
+from gearstab.results.display import unit_of
 from gearstab.results.variables.responses import MESH_ORDER, history_of_connections, load_of, run_up_of_connections
 from gearstab.system import GearSystem
 

@@ -13,10 +13,9 @@ from gearstab.errors import NotPossible
 from gearstab.response.rotating_pair import STATUS, InitialState, PairResponse, held, respond
 from gearstab.response.spectra import SHORTEST, spectrum
 from gearstab.results import Group, ResultTree, fields_of
-from gearstab.results.display import with_orders
-from gearstab.results.guard import RESPOND
+from gearstab.results.display import in_brackets, unit_of, with_orders
 from gearstab.results.provenance import modes_group, root_attributes
-from gearstab.results.units import in_brackets, unit_of
+from gearstab.results.read import RESPOND
 from gearstab.results.variables import flagged
 from gearstab.results.variables.responses import PAIR_RESPONSE
 from gearstab.rotating_pair import RotatingPair

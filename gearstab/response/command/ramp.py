@@ -14,10 +14,9 @@ from gearstab.response import RESPONSE_FLAGS, RampResponse, ramp_response
 from gearstab.response.command import loads
 from gearstab.response.spectra import HARMONICS, waterfall
 from gearstab.results import Group, ResultTree, Variable, coordinate, fields_of
-from gearstab.results.display import CYCLES, FACTOR, FREQUENCY, typed
-from gearstab.results.guard import RESPOND
+from gearstab.results.display import CYCLES, FACTOR, FREQUENCY, in_brackets, in_units_of, typed, unit_of
 from gearstab.results.provenance import modes_group, root_attributes
-from gearstab.results.units import in_brackets, in_units_of, unit_of
+from gearstab.results.read import RESPOND
 from gearstab.results.variables import SPEED, flagged
 from gearstab.results.variables.responses import MESH_ORDER, ORDERS, RAMP_RESPONSE
 from gearstab.system import GearSystem

@@ -16,10 +16,9 @@ from gearstab.response import RESPONSE_FLAGS, backlash, driven_response, free_re
 from gearstab.response.command import effort, loads, ramp
 from gearstab.response.spectra import Spectra, amplitudes, densities
 from gearstab.results import Group, ResultTree, Variable, fields_of
-from gearstab.results.display import with_orders
-from gearstab.results.guard import RESPOND
+from gearstab.results.display import in_brackets, in_units_of, with_orders
 from gearstab.results.provenance import modes_group, root_attributes
-from gearstab.results.units import in_brackets, in_units_of
+from gearstab.results.read import RESPOND
 from gearstab.results.variables import flagged
 from gearstab.results.variables.responses import BACKLASH_RESPONSE, RESPONSE, TOOTH_LOADS
 from gearstab.system import GearSystem, shared_period

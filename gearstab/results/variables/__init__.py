@@ -1,6 +1,6 @@
 """Variables of a result file: one line per variable, with its dimensions, type, units and long name.
 
-Units are SI, as everywhere inside the program; :mod:`gearstab.results.units` replaces them by what the coordinates of
+Units are SI, as everywhere inside the program; :mod:`gearstab.results.display` replaces them by what the coordinates of
 a system have, and by 1 in a model without units (``system.units: none``). ``1`` is dimensionless.
 """
 

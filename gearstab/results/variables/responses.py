@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gearstab.results.variables import DOF, GRID, ROWS, SPEED, TEXT, Variable, coordinate
+from gearstab.results import variables
+from gearstab.results.variables import DOF, GRID, ROWS, SPEED, TEXT, Variable, coordinate, design
 
 RESPONSE = (
     coordinate("time", "time", "f8", "s", "time"),
@@ -19,12 +20,8 @@ RESPONSE = (
     Variable("mean_velocity", ("dof",), "f8", "m/s", "uniform motion that displacements are relative to"),
     coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
     Variable("mesh_force_amplitude", ("frequency", "mesh"), "f8", "N", "amplitude of the mesh force"),
-    Variable(
-        "mesh_deflection_amplitude", ("frequency", "mesh"), "f8", "m", "amplitude of the mesh deflection"
-    ),
-    Variable(
-        "mesh_force_density", ("frequency", "mesh"), "f8", "N^2 s", "spectral density of the mesh force"
-    ),
+    Variable("mesh_deflection_amplitude", ("frequency", "mesh"), "f8", "m", "amplitude of the mesh deflection"),
+    Variable("mesh_force_density", ("frequency", "mesh"), "f8", "N^2 s", "spectral density of the mesh force"),
     Variable(
         "mesh_deflection_density", ("frequency", "mesh"), "f8", "m^2 s",
         "spectral density of the mesh deflection",
@@ -51,9 +48,7 @@ RAMP_RESPONSE = (
     coordinate("moment", SPEED, "f8", "s", "time in the middle of a window"),
     coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
     coordinate("harmonic", "harmonic", "i4", "1", "multiple of the frequency of the mesh itself"),
-    Variable(
-        "mesh_force_spectrogram", (SPEED, "frequency", "mesh"), "f4", "N", "amplitude of the mesh force"
-    ),
+    Variable("mesh_force_spectrogram", (SPEED, "frequency", "mesh"), "f4", "N", "amplitude of the mesh force"),
     Variable(
         "mesh_force_harmonic", (SPEED, "harmonic", "mesh"), "f8", "N",
         "amplitude of a harmonic of the mesh force",
@@ -69,9 +64,7 @@ TOOTH_LOADS = (
         "static_tooth_load", ("contact", "mesh"), "f8", "N", "load of a pair of teeth under the static mesh force"
     ),
     coordinate("flank", "flank", TEXT, "1", "gear and mesh"),
-    Variable(
-        "root_stress", ("contact", "flank"), "f8", "Pa", "largest stress at the root of a tooth (ISO 6336-3)"
-    ),
+    Variable("root_stress", ("contact", "flank"), "f8", "Pa", "largest stress at the root of a tooth (ISO 6336-3)"),
     Variable(
         "static_root_stress", ("contact", "flank"), "f8", "Pa",
         "stress at the root of a tooth under the static mesh force",
@@ -108,9 +101,7 @@ SPEED_RESPONSE = (
     Variable("mesh_force_peak", (GRID, "mesh"), "f8", "N", "largest elastic mesh force"),
     Variable("mesh_force_mean", (GRID, "mesh"), "f8", "N", "mean elastic mesh force"),
     Variable("mesh_force_rms", (GRID, "mesh"), "f8", "N", "root mean square of the mesh force about its mean"),
-    Variable(
-        "transmission_error_peak_to_peak", (GRID, "mesh"), "f8", "m", "peak-to-peak dynamic transmission error"
-    ),
+    Variable("transmission_error_peak_to_peak", (GRID, "mesh"), "f8", "m", "peak-to-peak dynamic transmission error"),
     Variable(
         "transmission_error_rms", (GRID, "mesh"), "f8", "m",
         "root mean square of the dynamic transmission error about its mean",
@@ -316,3 +307,16 @@ TEETH = (
     Variable("notices", (ROWS, "mesh"), "i2", "1", "what is wrong with the teeth; 0: nothing"),
 )
 """Variables of a gearbox, over the axes on which its teeth depend."""
+
+
+def every_variable() -> tuple[Variable, ...]:
+    """Return all variables of a result, those of the sections of a table once for each table."""
+    found: list[Variable] = []
+    for table in (*vars(variables).values(), *vars(design).values(), *globals().values()):
+        found += [item for item in (table if isinstance(table, tuple) else (table,)) if isinstance(item, Variable)]
+    return tuple(found)
+
+
+def taken_names() -> frozenset[str]:
+    """Return the names of all variables and dimensions: an axis of one of them could not stand beside it."""
+    return frozenset(name for variable in every_variable() for name in (variable.name, *variable.dims))

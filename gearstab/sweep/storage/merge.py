@@ -12,13 +12,12 @@ import numpy as np
 from gearstab.config import Axis, Config
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.methods import Key
-from gearstab.results.chunks import decode, encode
-from gearstab.results.display import ASIDE, CYCLES, FACTOR, FREQUENCY, OPERATING_RANGE, SPEEDS, typed
-from gearstab.results.guard import SWEEP
+from gearstab.results.display import ASIDE, CYCLES, FACTOR, FREQUENCY, OPERATING_RANGE, SPEEDS, in_units_of, typed
+from gearstab.results.hdf5 import decode, encode
 from gearstab.results.output import Look
 from gearstab.results.provenance import modes_group, root_attributes
+from gearstab.results.read import SWEEP
 from gearstab.results.tree import Chunked, Encoded, Field, Group, Offset, ResultTree, octets
-from gearstab.results.units import in_units_of
 from gearstab.results.variables import OCCURRENCE, TEXT, TONGUE, Variable, coordinate
 from gearstab.results.write import write_result
 from gearstab.sweep import teeth

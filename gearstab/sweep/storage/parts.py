@@ -26,8 +26,8 @@ from typing import Any
 from gearstab.errors import OutputError
 from gearstab.methods import Key
 from gearstab.perturbation import Tongue
+from gearstab.results.hdf5 import crc32
 from gearstab.results.output import writing
-from gearstab.results.seal import crc32
 from gearstab.results.tree import Encoded, InFile, octets
 
 MAGIC = b"gearstab part 4\n"

@@ -21,9 +21,8 @@ from gearstab.config import Config
 from gearstab.errors import OutputError, ResultError, SweepError, one_line
 from gearstab.methods import Key, Outcome
 from gearstab.perturbation import Tongue
-from gearstab.results.guard import SWEEP, result_of
-from gearstab.results.read import attributes, is_sealed
-from gearstab.results.seal import holds
+from gearstab.results.hdf5 import holds_text
+from gearstab.results.read import SWEEP, attributes, is_sealed, result_of
 from gearstab.results.tree import FORMAT
 from gearstab.results.variables import OCCURRENCE, TEXT, TONGUE, Variable
 from gearstab.system import Array
@@ -241,7 +240,7 @@ def _read(out: Path) -> tuple[bool | None, dict[str, str]]:
 def _is_of(config: Config, out: Path, found: dict[str, str]) -> bool:
     """Whether a result with these attributes is of a configuration; a damaged one, whether this stands in it."""
     digest = config.digest
-    return found.get("config_digest") == digest if found else holds(out, digest)
+    return found.get("config_digest") == digest if found else holds_text(out, digest)
 
 
 def _other(found: dict[str, str]) -> str:

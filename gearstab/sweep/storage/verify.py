@@ -14,7 +14,7 @@ import numpy as np
 from gearstab.methods import Key
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED, kind_of, label_of
-from gearstab.results.chunks import holds
+from gearstab.results.hdf5 import holds
 from gearstab.results.variables import GRID, Variable
 from gearstab.results.variables.flags import Flags
 from gearstab.sweep.compute import flag_counts

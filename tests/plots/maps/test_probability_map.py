@@ -14,7 +14,7 @@ def test_lines_stand_where_the_levels_are():
     assert default_kind(found, Request()) == "probability"
     _, artists = draw(found, dpi=50, levels=(0.25, 0.6))
     assert list(artists["limits"].levels) == [0.25, 0.6]
-    assert "lines at 0.25, 0.6" in artists["colour_bar"].ax.get_ylabel().replace("\n", " ")
+    assert [entry.get_label() for entry in artists["entries"]] == ["25 %", "60 %"]
     values = found["tolerance"]["probability"].values
     x, y = (found["tolerance"][name].values for name in ("mesh_frequency", "epsilon"))
     for level, paths in zip((0.25, 0.6), artists["limits"].get_paths(), strict=True):
