@@ -16,7 +16,7 @@ import numpy as np
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.kernel.damped import Generators
-from gearstab.floquet.kernel.invariants import DOUBTFUL, growth_of
+from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, growth_of
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.solution import pieces
 from gearstab.propagation.magnus import eigenvalues
@@ -87,11 +87,12 @@ def _complete(pattern: Pattern, omega: Array, verdict: Array, growth: Array, rho
 
     Where there are no traces, beyond a growth of ln LARGE a period, it comes from the scaled matrix.
     """
-    known = np.isfinite(rho).all(axis=-1)
-    open_growth = known & (verdict == DOUBTFUL)
-    growth[open_growth] = growth_of(rho[open_growth].T)
-    rows, points = np.nonzero(~known)
-    for row, point in pieces(rows, points, pattern.size):
+    rows, points = np.nonzero(verdict != STABLE)
+    traces = rho[rows, points]
+    known = np.isfinite(traces).all(axis=-1)
+    left = known & (verdict[rows, points] == DOUBTFUL)
+    growth[rows[left], points[left]] = growth_of(traces[left].T)
+    for row, point in pieces(rows[~known], points[~known], pattern.size):
         matrix, scale = kernel.monodromy(pattern, row, omega[row, point])
         with np.errstate(divide="ignore", invalid="ignore"):
             largest = np.abs(eigenvalues(matrix)).max(axis=-1)
