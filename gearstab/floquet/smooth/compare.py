@@ -16,7 +16,7 @@ import numpy as np
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.kernel.damped import Generators
-from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, growth_of
+from gearstab.floquet.kernel.invariants import DOUBTFUL, growth_of
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.solution import pieces
 from gearstab.propagation.magnus import eigenvalues
@@ -83,15 +83,15 @@ def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> KernelAns
 
 
 def _complete(pattern: Pattern, omega: Array, verdict: Array, growth: Array, rho: Array, magnified: Array) -> None:
-    """Write the growth that a kernel leaves open, in place, with the rounding errors of the largest multiplier.
+    """Write the growth of points in doubt, which a kernel leaves open, in place, with the rounding errors of the largest
+    multiplier.
 
     Where there are no traces, beyond a growth of ln LARGE a period, it comes from the scaled matrix.
     """
-    rows, points = np.nonzero(verdict != STABLE)
+    rows, points = np.nonzero(verdict == DOUBTFUL)
     traces = rho[rows, points]
     known = np.isfinite(traces).all(axis=-1)
-    left = known & (verdict[rows, points] == DOUBTFUL)
-    growth[rows[left], points[left]] = growth_of(traces[left].T)
+    growth[rows[known], points[known]] = growth_of(traces[known].T)
     for row, point in pieces(rows[~known], points[~known], pattern.size):
         matrix, scale = kernel.monodromy(pattern, row, omega[row, point])
         with np.errstate(divide="ignore", invalid="ignore"):
