@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
@@ -68,20 +69,20 @@ class Trapezoidal(Waveform):
         pulses = (self._step(phase - j) - self._step(phase - j - d) for j in (-1, 0, 1))
         return self._share * sum(pulses, -d)
 
-    @property
+    @cached_property
     def _width(self) -> Array:
         """The part of r beyond whole periods, 0 where it is shorter than phases are told apart."""
         r = np.asarray(self.ramp, dtype=float)
         part = r - np.floor(r) if np.any(r > 1) else r
         return np.where(part > np.finfo(float).eps, part, 0.0)
 
-    @property
+    @cached_property
     def _share(self) -> Array:
         """Return that part over r, 1 up to a period."""
         r = np.asarray(self.ramp, dtype=float)
         return np.where(r > 1, self._width / np.maximum(r, 1.0), 1.0)
 
-    @property
+    @cached_property
     def _ahead(self) -> Array:
         """Phase by which the ramps come earlier: half of each whole period of r, less the delay."""
         r = np.asarray(self.ramp, dtype=float)

@@ -4,6 +4,8 @@
    Every function describes its arguments (see module.h), of which it is checked that buffers have the sizes that the numbers
    promise; it computes without the interpreter's lock, at the level of vector instructions whose name it is given (see levels()). */
 
+#include <stdatomic.h>
+
 #include "module.h"
 
 #if defined(__x86_64__)
@@ -22,7 +24,7 @@ enum { LEVEL_COUNT = sizeof LEVELS / sizeof *LEVELS };
 
 /* What the processor can do, and the system keeps between processes, asked of the processor itself: the answer of
    __builtin_cpu_supports is always no where the compiler is that of zig. */
-static int supported(int index) {
+static int answered(int index) {
 #if defined(__x86_64__)
     enum { FUSED = 1 << 12, KEEPS = 1 << 27, AVX = 1 << 28, AVX2 = 1 << 5, AVX512F = 1 << 16, AVX512DQ = 1 << 17 };
     const unsigned avx512vl = 1u << 31, basic = FUSED | KEEPS | AVX;
@@ -37,6 +39,14 @@ static int supported(int index) {
     }
 #endif
     return index == 0;
+}
+
+/* The same, asked once: virtual machines take their time, a fiftieth of small calls. */
+static int supported(int index) {
+    static atomic_int known[LEVEL_COUNT]; /* 0 at first, then 1 for no, 2 for yes */
+    if (!atomic_load(&known[index]))
+        atomic_store(&known[index], 1 + answered(index));
+    return atomic_load(&known[index]) - 1;
 }
 
 const struct level *level_named(const char *name) {

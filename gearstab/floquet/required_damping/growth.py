@@ -9,14 +9,15 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import TypeVar
 
 import numpy as np
 
 from gearstab.floquet.dispatch import in_modes
 from gearstab.floquet.general import analyse
 from gearstab.floquet.general.exact import ExactRows, exact_rows
-from gearstab.floquet.general.stepped import stepped_rows
+from gearstab.floquet.general.stepped import SteppedRows, stepped_rows
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import Block, split
@@ -27,14 +28,15 @@ from gearstab.floquet.smooth.steps import Division
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
 from gearstab.mesh import PeriodicTerm
 from gearstab.modal import modal_damping_matrix
+from gearstab.propagation.control import StepControl, remainder
 from gearstab.rotation import Rotation
 from gearstab.system import Array, Feature, GearSystem
 
 DAMPING_RATIO, FACTOR = "damping_ratio", "factor"
 RESOLVED = 1e-8
 """Error of the growth per period, where it is propagated in Magnus steps."""
-MOST_HALVINGS = 6
-"""Most halvings of the Magnus steps."""
+MOST_DOUBLINGS = 6
+"""Most doublings of the number of Magnus steps."""
 ROWS_AT_ONCE = 32
 """Rows that Magnus steps are made of side by side."""
 POINTS_AT_ONCE, ENTRIES_AT_ONCE = 4096, 2**24
@@ -71,6 +73,9 @@ class GrowthByDamping(ABC):
         """Return the growth ``(N,)`` of single points, each with its own factor above 0."""
 
 
+Growth = TypeVar("Growth", bound=GrowthByDamping)
+
+
 def growths(system: GearSystem, of: str, omega: Array, level: float) -> Iterator[GrowthByDamping]:
     """All parts of all rows at mesh frequencies ``(rows, P)``.
 
@@ -80,12 +85,39 @@ def growths(system: GearSystem, of: str, omega: Array, level: float) -> Iterator
     """
     if of == FACTOR and not scalable(system):
         raise ValueError("a factor on the damping needs a system with damping")
-    if in_modes(system):
-        one = system if of == FACTOR else replace(system, damping=unit_damping(system))
-        for block in _blocks(one, omega, level):
-            yield BlockGrowth(block, omega[block.pattern.rows])
+    if not in_modes(system):
+        yield from _wholes(system, of, omega, level)
         return
-    yield from _wholes(system, of, omega, level)
+    one = system if of == FACTOR else replace(system, damping=unit_damping(system))
+    for pattern, division in periods(one, ROWS_AT_ONCE):
+        for block in split(pattern):
+            own = omega[block.pattern.rows]
+            if block.pattern.size == 0:
+                continue
+            if division is None or block.constant:
+                yield BlockGrowth(block, own)
+            else:
+                yield _resolved(partial(_in_steps, block, within(division, block.pattern), own), level, 0, doubling=2)
+
+
+def _in_steps(block: Block, division: Division, mesh_frequency: Array, resolution: int) -> BlockGrowth:
+    return BlockGrowth(replace(block, pattern=division.pattern(CF6_5, resolution)), mesh_frequency)
+
+
+def _resolved(made: Callable[[int], Growth], factor: float, coarsest: int, doubling: int) -> Growth:
+    """The growth in as many Magnus steps that it is right to RESOLVED at a factor.
+
+    made: at a level of resolution; ``doubling`` levels double the steps.
+    """
+    before = made(coarsest).at_level(factor)
+    first, last = np.array([coarsest + doubling]), coarsest + MOST_DOUBLINGS * doubling
+    control = StepControl(first, last, RESOLVED, CF6_5.order, doubling, leap=1)
+    for level, _ in control:
+        found = made(level)
+        growth = found.at_level(factor)
+        control.judge(remainder(CF6_5.order) * np.abs(growth - before).max())
+        before = growth
+    return found
 
 
 def scalable(system: GearSystem) -> bool:
@@ -96,34 +128,6 @@ def scalable(system: GearSystem) -> bool:
 def unit_damping(system: GearSystem) -> Array:
     """C1 of a modal damping ratio of one, in the modes of the mean system without what acts with a speed."""
     return modal_damping_matrix(system.mass, system.mean_stiffness_matrix(), np.ones((*system.batch, 1)))
-
-
-def _blocks(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
-    """The blocks of a system, Magnus steps being short enough for its growth at a level of damping."""
-    for pattern, division in periods(system, ROWS_AT_ONCE):
-        for block in split(pattern):
-            if block.pattern.size == 0:
-                continue
-            if division is None or block.constant:
-                yield block
-            else:
-                yield replace(block, pattern=_resolved(within(division, block.pattern), omega, level))
-
-
-def _resolved(division: Division, omega: Array, level: float) -> Pattern:
-    """A division in steps of which half as long ones change no growth per period by more than RESOLVED."""
-    own = omega[division.rows] / division.elastic.rate[:, None]
-    factor = np.full(len(division.rows), level)
-    pattern = division.pattern(CF6_5, 0)
-    growth = growth_of(scaled(pattern, factor), own)
-    for resolution in range(2, 2 * MOST_HALVINGS + 1, 2):
-        before = growth
-        pattern = division.pattern(CF6_5, resolution)
-        growth = growth_of(scaled(pattern, factor), own)
-        # Steps of order six: the finer ones are 64 times as good as the difference tells.
-        if np.all(np.abs(growth - before) <= 64 * RESOLVED):
-            break
-    return pattern
 
 
 @dataclass(frozen=True)
@@ -231,31 +235,21 @@ def _wholes(system: GearSystem, of: str, omega: Array, level: float) -> Iterator
     found = analyse(still, omega)
     period = 2 * np.pi * float(system.common_period()[0]) / omega
     undamped = np.where(found.stable == 0, found.growth_rate, np.minimum(found.growth_rate, 0.0)) * period
-    for one, two in _periods(at, omega, level):
+
+    def whole(one: ExactRows, two: ExactRows) -> WholeGrowth:
         rows = one.own.form.rows
-        yield WholeGrowth(one, two.generator.matrix - one.generator.matrix, omega[rows], undamped[rows])
+        return WholeGrowth(one, two.generator.matrix - one.generator.matrix, omega[rows], undamped[rows])
 
+    def in_steps(one: SteppedRows, two: SteppedRows, level: int) -> WholeGrowth:
+        return whole(one.cut(level), two.cut(level))
 
-def _periods(at: Callable[[float], GearSystem], omega: Array, level: float) -> Iterator[tuple[ExactRows, ExactRows]]:
-    """Common periods of all rows at the factors 1 and 2, in Magnus steps where anything is smooth.
-
-    Steps are as many that half of them change no growth per period at the factor ``level`` by more than RESOLVED.
-    """
     one, two = at(1.0), at(2.0)
     if one.piecewise_constant:
-        yield from zip(exact_rows(one), exact_rows(two), strict=True)
+        yield from map(whole, exact_rows(one), exact_rows(two))
         return
-    for first, second in zip(stepped_rows(one), stepped_rows(two), strict=True):
-        own = omega[first.own.form.rows]
-        begin, before = int(first.first_levels(own).max()), None
-        for doublings in range(begin, begin + MOST_HALVINGS + 1):
-            pair = first.cut(doublings), second.cut(doublings)
-            slope = pair[1].generator.matrix - pair[0].generator.matrix
-            growth = WholeGrowth(pair[0], slope, own, own).at_level(level)
-            if before is not None and np.all(np.abs(growth - before) <= 64 * RESOLVED):
-                break
-            before = growth
-        yield pair
+    for rows in zip(stepped_rows(one), stepped_rows(two), strict=True):
+        coarsest = int(rows[0].first_levels(omega[rows[0].own.form.rows]).max())
+        yield _resolved(partial(in_steps, *rows), level, coarsest, doubling=1)
 
 
 def _dissipative(term: PeriodicTerm) -> bool:

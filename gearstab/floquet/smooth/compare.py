@@ -83,15 +83,16 @@ def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> KernelAns
 
 
 def _complete(pattern: Pattern, omega: Array, verdict: Array, growth: Array, rho: Array, magnified: Array) -> None:
-    """Write the growth that a kernel leaves open, in place, with the rounding errors of the largest multiplier.
+    """Write the growth of points in doubt, which a kernel leaves open, in place, with the rounding errors of the largest
+    multiplier.
 
     Where there are no traces, beyond a growth of ln LARGE a period, it comes from the scaled matrix.
     """
-    known = np.isfinite(rho).all(axis=-1)
-    open_growth = known & (verdict == DOUBTFUL)
-    growth[open_growth] = growth_of(rho[open_growth].T)
-    rows, points = np.nonzero(~known)
-    for row, point in pieces(rows, points, pattern.size):
+    rows, points = np.nonzero(verdict == DOUBTFUL)
+    traces = rho[rows, points]
+    known = np.isfinite(traces).all(axis=-1)
+    growth[rows[known], points[known]] = growth_of(traces[known].T)
+    for row, point in pieces(rows[~known], points[~known], pattern.size):
         matrix, scale = kernel.monodromy(pattern, row, omega[row, point])
         with np.errstate(divide="ignore", invalid="ignore"):
             largest = np.abs(eigenvalues(matrix)).max(axis=-1)
