@@ -92,9 +92,10 @@ class ExactRows:
         periods = CanonicalPeriods(
             self.segments.cycles, self.segments.fractions, self.segments.states, self.generator, len(self.own.elastic)
         )
+        if self.own.damped.all():
+            return log, np.zeros(len(log), dtype=bool), np.zeros(log.shape, dtype=bool)
         omega = mesh_frequency / self.rate
-        ends = np.stack([omega.min(axis=1), omega.max(axis=1)], axis=1)
-        canonical = ~self.own.damped & periods.hamiltonian(ends)
+        canonical = ~self.own.damped & periods.hamiltonian(_ends(omega))
         found = np.where(canonical[:, None] & (log <= decision.ON_CIRCLE), 0.0, log)
         asked = canonical[:, None] & (found > 0) & (found <= decision.OFF_CIRCLE)
         row, point = np.nonzero(asked)
@@ -120,11 +121,16 @@ class ExactRows:
 
     def _rounding(self, omega: Array) -> Array:
         """``(r, P)``: of all steps, and of the exponentials, whose exponents' norms add up."""
-        ends = np.stack([omega.min(axis=1), omega.max(axis=1)], axis=1)
-        size = np.abs(self.generator.at(ends)).sum(axis=-2).max(axis=-1)[..., self.segments.states].max(axis=1)
-        norm = np.sum(np.abs(self.segments.fractions) * size, axis=1)
-        period = 2 * np.pi * self.segments.cycles / omega
-        return np.asarray(ROUNDING * (len(self.segments.states) + norm[:, None] * period))
+        size = np.abs(self.generator.at(_ends(omega))).sum(axis=-2).max(axis=-1)[..., self.segments.states].max(axis=1)
+        norm = 2 * np.pi * self.segments.cycles * np.sum(np.abs(self.segments.fractions) * size, axis=1)
+        error = np.divide(ROUNDING * norm[:, None], omega)
+        error += ROUNDING * len(self.segments.states)
+        return error
+
+
+def _ends(omega: Array) -> Array:
+    """``(r, 2)``: the least and the greatest of ``(r, P)``."""
+    return np.stack([omega.min(axis=1), omega.max(axis=1)], axis=1)
 
 
 def exact_rows(system: GearSystem) -> Iterator[ExactRows]:

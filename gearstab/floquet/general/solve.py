@@ -27,6 +27,8 @@ ON_CIRCLE = 1e-7
 known to the square root of the rounding error. Of a Hamiltonian one Krein signs decide."""
 DAMPED_ON_CIRCLE = 1e-10
 """The same for a damped system, whose multipliers lie inside."""
+POINTS_AT_ONCE = 2**14
+"""Points that are decided together: what is known of so many stays in the processor's cache."""
 
 
 def analyse(
@@ -46,23 +48,40 @@ def analyse(
     omega = np.asarray(mesh_frequency, dtype=float)
     result, error = empty(*omega.shape), np.empty(omega.shape)
     table = np.empty((*omega.shape, 2 * system.size), dtype=complex) if exponents else None
-    period = 2 * np.pi * float(system.common_period()[0]) / omega
+    turn = 2 * np.pi * float(system.common_period()[0])
     for own, found in _solved(system, omega, exponents, tolerance):
         rows = own.form.rows
-        error[rows] = found.error
-        by_itself = own.rigid_exponents.max(axis=1, initial=-np.inf)[:, None]
-        log = np.maximum(found.log, np.where(by_itself > 0, by_itself, -np.inf) * period[rows])
-        least = np.maximum(np.where(own.damped, DAMPED_ON_CIRCLE, ON_CIRCLE)[:, None], found.error)
-        growth, stable = decided(log, period[rows], np.where(found.canonical, 0.0, least))
-        lost = np.isnan(log)
-        result.growth_rate[rows], result.stable[rows] = growth, np.where(lost, -1, stable)
-        flags = np.where(lost, STATUS_FLAGS["failed"], 0) | np.where(found.doubtful, STATUS_FLAGS["krein"], 0)
-        result.status[rows] = flags | np.where(found.error <= tolerance, 0, STATUS_FLAGS["not_converged"])
+        step = max(1, POINTS_AT_ONCE // len(rows))
+        for first in range(0, omega.shape[1], step):
+            points = slice(first, first + step)
+            growth, stable, status = _decided(own, found, points, turn / omega[rows, points], tolerance)
+            result.growth_rate[rows, points], result.stable[rows, points] = growth, stable
+            result.status[rows, points], error[rows, points] = status, found.error[:, points]
         if table is not None and found.table is not None:
-            rigid = np.broadcast_to(own.rigid_exponents[:, None], (*log.shape, own.rigid_exponents.shape[1]))
-            whole = np.concatenate([found.table / period[rows][..., None], rigid], axis=-1)
+            rigid = np.broadcast_to(own.rigid_exponents[:, None], (*found.log.shape, own.rigid_exponents.shape[1]))
+            whole = np.concatenate([found.table * (omega[rows] / turn)[..., None], rigid], axis=-1)
             table[rows] = settled(whole, result.stable[rows])
     return replace(result, exponents=table, error_estimate=error)
+
+
+def _decided(
+    own: ElasticRows, found: PeriodGrowth, points: slice, period: Array, tolerance: float
+) -> tuple[Array, Array, Array]:
+    """(growth rate, stable, status) of some of the points, whose periods are ``(r, P)``."""
+    log, error = found.log[:, points], found.error[:, points]
+    canonical, doubtful = found.canonical[:, points], found.doubtful[:, points]
+    by_itself = own.rigid_exponents.max(axis=1, initial=-np.inf)[:, None]
+    if (by_itself > 0).any():
+        log = np.maximum(log, np.where(by_itself > 0, by_itself, -np.inf) * period)
+    least = np.maximum(np.where(own.damped, DAMPED_ON_CIRCLE, ON_CIRCLE)[:, None], error)
+    least[canonical] = 0.0
+    growth, stable = decided(log, period, least)
+    lost = np.isnan(log)
+    status = np.zeros(log.shape, dtype=np.int16)
+    for holds, flag in ((lost, "failed"), (doubtful, "krein"), (~(error <= tolerance), "not_converged")):
+        status += holds * np.int16(STATUS_FLAGS[flag])
+    stable[lost] = -1
+    return growth, stable, status
 
 
 def _solved(
