@@ -1,4 +1,4 @@
-"""``gearstab check_options``: is a configuration right?"""
+"""``gearstab check``: is a configuration right?"""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 STANDARD_INPUT = "standard input"
 
 
-@click.command(name="check_options", short_help="Validate configurations.")
+@click.command(name="check", short_help="Validate configurations.")
 @click.argument("configs", metavar="CONFIG...", type=options.FILE, nargs=-1, required=True)
 @options.overrides
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, mistakes included; of several files a list.")
@@ -72,7 +72,7 @@ def checked(config: Path, overrides: tuple[str, ...]) -> Config:
 
         check_options(found, found.system.build())
     if found.design is not None:
-        from gearstab.design import check_options as check_design
+        from gearstab.design import check as check_design
 
         check_design(found)
     return found

@@ -18,7 +18,6 @@ from gearstab.config.model.axes import Array, Grid
 if TYPE_CHECKING:
     from gearstab.config.document.tree import Document
     from gearstab.config.sections.design import Design
-    from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.uncertain import Uncertainties
     from gearstab.systems.base import System  # noqa: F401 - named in quotes
     from gearstab.systems.parts.respond import PairRespond, Respond
@@ -38,7 +37,7 @@ class Config(Grid["System"]):
 
     title: str
     kind: str
-    methods: Methods
+    methods: Any
     respond: Respond | PairRespond | None
     source: FilePath
     tree: dict[str, Any]

@@ -19,13 +19,12 @@ from gearstab.config.model.units import Quantity, typed_unit
 from gearstab.config.samples import check_samples, read_files
 from gearstab.config.sections import sweep
 from gearstab.config.sections.dimensions import report_all
-from gearstab.config.sections.targets import INPUT_SPEED, UNKNOWN_TEETH
+from gearstab.config.sections.sweep import Context
+from gearstab.config.sections.targets import INPUT_SPEED, UNKNOWN_TEETH, Target
+from gearstab.systems.base import System
 
 if TYPE_CHECKING:
     from gearstab.config.sections.design import Design
-    from gearstab.config.sections.sweep import Context
-    from gearstab.config.sections.targets import Target
-    from gearstab.systems.base import System
     from gearstab.systems.parts.respond import PairRespond, Respond
 
 

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import Field
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document
+from gearstab.config.model.axes import Axis, Grid
 from gearstab.config.model.conflicts import Conflict, items, plain_number, repeated_names, within, within_each
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section, optional
 from gearstab.config.model.reading import told
+from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.parts.forcing import Damping
 from gearstab.systems.parts.mesh import ToothMesh
 
 if TYPE_CHECKING:
-    from pathlib import Path as FilePath
-
-    from gearstab.config.model.axes import Axis, Grid
-    from gearstab.system import Array, GearSystem
     from gearstab.systems.gearbox.train import Train
     from gearstab.systems.parts.respond import PairRespond, Respond
 

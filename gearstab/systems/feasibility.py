@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +22,6 @@ from gearstab.systems.parts.mesh import build_mesh
 from gearstab.waveforms import WAVEFORMS, Waveform
 from gearstab.waveforms.base import stiff_fraction
 from gearstab.waveforms.section import wave_of
-
-if TYPE_CHECKING:
-    from gearstab.config.model.axes import Grid
 
 SYMMETRY_TOLERANCE = 1e-9
 """Asymmetry of a matrix, relative to its largest entry, that comes from writing it with few digits."""

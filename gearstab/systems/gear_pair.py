@@ -11,6 +11,7 @@ from pydantic import Field
 
 from gearstab import rotating_pair
 from gearstab.config.document.tree import Document
+from gearstab.config.model.axes import Axis
 from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
 from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Teeth, TorsionalStiffness, optional
 from gearstab.config.model.reading import known
@@ -25,8 +26,8 @@ from gearstab.systems.parts.mesh import NamedToothMesh
 from gearstab.waveforms import Rectangular
 
 if TYPE_CHECKING:
-    from gearstab.config.model.axes import Axis
     from gearstab.systems.parts.respond import PairRespond
+
 
 OF_GEARS = ("teeth", "inertias", "torsional_stiffness", "single_contact_angle", "torque", "module", "radii")
 """Keys of a pair that is given by its gears, and not by an equivalent mass and a mesh."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
+from pathlib import Path as FilePath
+from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 from pydantic import Field, StrictStr
@@ -11,7 +12,7 @@ from pydantic import Field, StrictStr
 from gearstab.config.document.files import DataFileError
 from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document, sequence, value_at
-from gearstab.config.model.axes import matrix, vector
+from gearstab.config.model.axes import Grid, matrix, vector
 from gearstab.config.model.conflicts import (
     Conflict,
     at_most_one,
@@ -48,11 +49,6 @@ from gearstab.systems.parts.terms import (
     periodic_terms,
     rotations,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path as FilePath
-
-    from gearstab.config.model.axes import Grid
 
 UNITS = ("m", "rad")
 TOLD = {"mass": "kg m^2", "stiffness": "N m"}

@@ -1,4 +1,4 @@
-"""What is wrong with a section: contradictions that rules find, and errors of pydantic, as problems with a remedy.
+"""Mistakes in a section: contradictions that rules find, and errors of pydantic, as problems with a remedy.
 
 Rules look at typed sections; :mod:`gearstab.config.model.reading` says what they find of values that are wrong.
 """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails, PydanticCustomError
@@ -15,9 +15,7 @@ from gearstab.config.model import conflicts
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.reading import WRONG, known, quantity, told, type_at
 from gearstab.config.model.units import Quantity, hint_of
-
-if TYPE_CHECKING:
-    from gearstab.systems.base import System
+from gearstab.systems.base import System
 
 TURNED = {
     "m": ("m", "rad"),

@@ -13,12 +13,12 @@ from gearstab.config.document.tree import Document, mapping, names_set
 from gearstab.config.model.axes import SPEEDS
 from gearstab.config.model.conflicts import validate
 from gearstab.config.model.fields import Section
+from gearstab.config.system import SystemSections
 from gearstab.methods import METHODS, POINTS, RANGE, Method, OptionError, chosen
 from gearstab.system import GearSystem
 
 if TYPE_CHECKING:
     from gearstab.config.sections.uncertain import Uncertainties
-    from gearstab.config.system import SystemSections
 
 
 class _Chosen(Section):

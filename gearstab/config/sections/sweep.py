@@ -17,13 +17,13 @@ from gearstab.config.model.axes import MESH_FREQUENCY, Assignment, Axis
 from gearstab.config.model.fields import NUMBER, AnyNumber, Section, optional
 from gearstab.config.model.reading import WRONG, SkipRule, as_far_as_right
 from gearstab.config.sections.expansion import Count, Expansion, Range, Spacing, expand, expand_list
-from gearstab.config.sections.methods import Methods
 from gearstab.config.sections.targets import INPUT_SPEED, Target, TargetError, described, resolve
+from gearstab.methods import METHODS
 from gearstab.systems.base import System
 
 BaseValue = tuple[Path, Any, Where]
 """Where a number is below ``system``, its value in SI units, and the place in the file that gives it."""
-GROUPS = ("modes", "bench", "teeth", *Methods.model_fields)
+GROUPS = ("modes", "bench", "teeth", *METHODS)
 """Names of the groups of a result."""
 LONGEST_NAME = 100
 """Characters of the name of an axis."""

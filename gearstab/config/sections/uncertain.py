@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import numpy as np
 from pydantic_core import PydanticCustomError
@@ -14,14 +14,11 @@ from gearstab.config.document.tree import Document, mapping, sequence, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, replaced
 from gearstab.config.model.reading import as_far_as_right, quantity
 from gearstab.config.model.units import Quantity
-from gearstab.config.sections.sweep import BaseValue, is_absent
+from gearstab.config.sections.sweep import BaseValue, Context, is_absent
 from gearstab.config.sections.targets import Target
+from gearstab.systems.base import System
 from gearstab.tolerance.design import groups_of
 from gearstab.tolerance.distributions import DISTRIBUTIONS, Distribution
-
-if TYPE_CHECKING:
-    from gearstab.config.sections.sweep import Context
-    from gearstab.systems.base import System
 
 SECTION: Path = ("methods", "tolerance")
 OUTSIDE = 1e-6

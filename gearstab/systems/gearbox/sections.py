@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.tree import Document
+from gearstab.config.model.axes import Axis, Grid
 from gearstab.config.model.conflicts import Conflict, items, within_each
 from gearstab.config.model.fields import NonNegative
 from gearstab.config.model.reading import WRONG, known, told
@@ -25,10 +26,6 @@ from gearstab.systems.gearbox.torques import Input, Output, TorqueLaw, torque_of
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.parts.faults import fault_conflicts
 from gearstab.systems.parts.mesh import ToothMesh
-
-if TYPE_CHECKING:
-    from gearstab.config.model.axes import Axis, Grid
-
 
 CHANGING = ("passage",)
 """Methods that let the speed of a system change."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -20,9 +20,6 @@ from gearstab.config.model.reading import WRONG
 from gearstab.config.model.units import Quantity
 from gearstab.errors import NotPossible
 from gearstab.system import Array
-
-if TYPE_CHECKING:
-    pass
 
 TableSpeed = Annotated[float, Field(ge=0), Quantity("rad/s")]
 TableTorque = Annotated[float, Quantity("N m")]

@@ -100,7 +100,8 @@ class Train:
         found = [Relation({self.p.input.rotor: 1}, ("input",), 1)]
         found += [Relation({rotor: 1}, where) for rotor, where in self.held.items()]
         found += [motion.relation for item in self.sets for motion in item.motions]
-        found += [alike(*shaft.between, ("shafts", k)) for k, shaft in enumerate(self.p.shafts)]
+        ends = (shaft.between for shaft in self.p.shafts)
+        found += [alike(first, second, ("shafts", k)) for k, (first, second) in enumerate(ends)]
         return found + [motion.relation for motion in self.motions]
 
     @property

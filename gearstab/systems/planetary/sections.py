@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document
+from gearstab.config.model.axes import Grid
 from gearstab.config.model.conflicts import Conflict, below, within, wrong_length
 from gearstab.config.model.fields import Choice, Count, Flag, also, optional
 from gearstab.config.model.reading import WRONG, known
@@ -44,9 +45,6 @@ from gearstab.systems.planetary.bodies import (
 from gearstab.systems.planetary.build import build, size
 from gearstab.systems.planetary.phasing import SENSES, CarrierSpeed, Turning, lags
 from gearstab.systems.planetary.teeth import listed, phasing_of, shifted, with_teeth
-
-if TYPE_CHECKING:
-    from gearstab.config.model.axes import Grid
 
 BODIES = ("sun", "carrier", "ring")
 """The bodies on the axis, of which one drives and one is fixed."""

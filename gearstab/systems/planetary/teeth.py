@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +24,6 @@ from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import TrainError
 from gearstab.systems.planetary.bodies import Inertias, Masses, Phases, PressureAngles
 from gearstab.systems.planetary.phasing import RULES, SENSES, Turning, lags
-
-if TYPE_CHECKING:
-    pass
 
 BODIES = ("sun", "planet", "ring")
 HANDS = {"sun": "right", "planet": "left", "ring": "left"}
