@@ -18,6 +18,6 @@ def reporter(wanted: bool | None) -> Reporter:
     seen = NOTEBOOK in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
     if not (seen if wanted is None else wanted):
         return Reporter()
-    from gearstab.sweep.bar import Bar
+    from gearstab.sweep.progress import Bar
 
     return Bar(lambda text: print(text, file=sys.stderr))  # noqa: T201

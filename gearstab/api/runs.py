@@ -38,8 +38,7 @@ def sweep(
     """
     from gearstab.api.progress import reporter
     from gearstab.results.read import from_bytes
-    from gearstab.sweep import plan, run_in_memory
-    from gearstab.sweep.effort import limits
+    from gearstab.sweep import limits, plan, run_in_memory
 
     planned = plan(as_config(config, "sweep", "methods"))
     folder = Path(tempfile.gettempdir()) / "result.h5"
