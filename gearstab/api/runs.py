@@ -40,8 +40,7 @@ def sweep(
     """
     from gearstab.api.runs import reporter
     from gearstab.results.read import from_bytes
-    from gearstab.sweep import plan, run_in_memory
-    from gearstab.sweep.effort import limits
+    from gearstab.sweep import limits, plan, run_in_memory
 
     planned = plan(as_config(config, "sweep", "methods"))
     folder = Path(tempfile.gettempdir()) / "result.h5"
@@ -162,6 +161,6 @@ def reporter(wanted: bool | None) -> Reporter:
     seen = NOTEBOOK in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
     if not (seen if wanted is None else wanted):
         return Reporter()
-    from gearstab.sweep.bar import Bar
+    from gearstab.sweep.progress import Bar
 
     return Bar(lambda text: print(text, file=sys.stderr))  # noqa: T201

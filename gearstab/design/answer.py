@@ -6,7 +6,6 @@ import numpy as np
 
 from gearstab.config.model.units import scale
 from gearstab.config.sections.objectives import objective_name, objective_unit
-from gearstab.design import values
 from gearstab.design.solution import Solution
 from gearstab.results.display import in_brackets, unit_of
 
@@ -24,7 +23,7 @@ def answer(solution: Solution, reasons: int = 2) -> list[str]:
         shown = in_brackets(solution.initial_system, objective_unit(weights))
         lines.append(f"{objective_name(weights)}{shown}: {before:.6g} -> {after:.6g}{gain}")
     for v, variable in enumerate(problem.variables[:LONGEST]):
-        old, new = (values.text(problem, variable, place) for place in (np.nan, solution.optimum[v]))
+        old, new = (problem.text(variable, place) for place in (np.nan, solution.optimum[v]))
         down, up = solution.margins[:, v]
         firm = f" (margins {_signed('-', down)}, {_signed('+', up)})" if np.isfinite([down, up]).all() else ""
         lines.append(f"{variable.name}: {old} -> {new}{firm}")

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.config import Axis, Config
+from gearstab.config.document.tree import value_at
 from gearstab.config.sections.design import Design, DesignVariable, SpeedRange
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.errors import NotPossible
@@ -142,3 +143,61 @@ class DesignProblem:
         if item.of == INPUT_SPEED:
             factor = float(p.cycles_of_input() or 1.0)
         return Span(item.low * factor, item.high * factor, item.weight, factor)
+
+    @cached_property
+    def given_places(self) -> Array:
+        """``(variables,)``, the given design as values of its continuous variables and numbers of its choices.
+
+        NaN for a choice that is none of those of its variable.
+        """
+        return np.array([self._place(variable) for variable in self.variables])
+
+    def _place(self, variable: DesignVariable) -> float:
+        values = [value_at(self.config.system, item.path) for item in variable.axis.assignments]
+        if variable.continuous:
+            value = values[0]
+            return np.nan if value is None else float(value) / variable.axis.assignments[0].factor
+        for k in range(variable.axis.size):
+            if all(item.values[k] == value for item, value in zip(variable.axis.assignments, values, strict=True)):
+                return float(k)
+        return np.nan
+
+    def number(self, variable: DesignVariable, place: float) -> float:
+        """Return the number that a value of a variable is: itself, or of choices that set several the number, from 1,
+        of the row.
+
+        NaN for words. A place of NaN stands for the given design.
+        """
+        place = self._place(variable) if np.isnan(place) else place
+        if np.isnan(place) and (variable.continuous or variable.form == "choices"):
+            return np.nan
+        if variable.continuous:
+            return float(place)
+        if variable.form == "choices":
+            return float(place) + 1
+        item = variable.axis.assignments[0]
+        try:
+            return float(value_at(self.config.system, item.path) if np.isnan(place) else item.values[int(place)])
+        except (TypeError, ValueError):
+            return np.nan
+
+    def text(self, variable: DesignVariable, place: float) -> str:
+        """Return the value for a reader: six digits, or the label of a choice."""
+        if variable.form == "choices":
+            place = self._place(variable) if np.isnan(place) else place
+            return "as given" if np.isnan(place) else str(variable.axis.values[int(place)])
+        if not variable.continuous and not np.isnan(place):
+            return str(variable.axis.assignments[0].values[int(place)])
+        value = self.number(variable, place)
+        if np.isnan(value):
+            return str(value_at(self.config.system, variable.axis.assignments[0].path))
+        return f"{value:.6g}"
+
+    def settings(self, design: Array) -> list[str]:
+        """Return ``PATH=VALUE`` texts for ``--set`` that turn the given design into another one."""
+        found = []
+        for variable, place in zip(self.variables, design, strict=True):
+            for item in () if np.isnan(place) else variable.axis.assignments:
+                value = place * item.factor if variable.continuous else item.values[int(place)]
+                found.append(f"{item.name}={value!s}" if variable.form != "bounds" else f"{item.name}={float(value)!r}")
+        return found

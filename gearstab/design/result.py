@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.sections.objectives import QUANTITIES, objective_name, objective_unit
-from gearstab.design import values
+from gearstab.design import quantities, regions
 from gearstab.design.answer import answer
-from gearstab.design.judging import quantities, regions
-from gearstab.design.judging.judge import AT_ONCE, Judge, limited
+from gearstab.design.judge import AT_ONCE, Judge, limited
 from gearstab.design.problem import Batch, DesignProblem
 from gearstab.design.solution import Solution
 from gearstab.floquet import solve
@@ -66,7 +65,7 @@ def attributes(solution: Solution) -> dict[str, Any]:
     return {
         "answer": "\n".join(answer(solution)),
         "explanation": "\n".join(solution.explanation),
-        "settings": "\n".join(values.settings(solution.problem, solution.optimum)),
+        "settings": "\n".join(solution.problem.settings(solution.optimum)),
         "limiting": solution.limiting,
         "evaluations": len(solution.judge.archive()[0]),
         "verification_points": solution.verified[0],
@@ -113,8 +112,8 @@ def _main(solution: Solution) -> dict[str, Any]:
     }
     for name, row in rows.items():
         pairs = list(zip(problem.variables, row, strict=True))
-        found[name] = np.array([values.number(problem, v, place) for v, place in pairs])
-        found[f"{name}_text"] = [values.text(problem, v, place) for v, place in pairs]
+        found[name] = np.array([problem.number(v, place) for v, place in pairs])
+        found[f"{name}_text"] = [problem.text(v, place) for v, place in pairs]
     several = len(problem.design.objectives) > 1
     for name, objectives in (("initial", solution.objective_initial), ("optimum", solution.objective_optimum)):
         found[f"objective_{name}"] = objectives if several else np.asarray(objectives[0])
@@ -125,7 +124,7 @@ def _bound(problem: DesignProblem, k: int, side: int) -> float:
     variable = problem.variables[k]
     if variable.continuous:
         return variable.bounds[side]
-    numbers = [values.number(problem, variable, float(place)) for place in range(variable.axis.size)]
+    numbers = [problem.number(variable, float(place)) for place in range(variable.axis.size)]
     return (min, max)[side](numbers)
 
 
@@ -259,11 +258,11 @@ def _choices(solution: Solution) -> dict[str, Any]:
 def numbers(problem: DesignProblem, designs: Array) -> Array:
     """``(designs, variables)``, values as numbers."""
     return np.array(
-        [[values.number(problem, v, place) for v, place in zip(problem.variables, row, strict=True)] for row in designs]
+        [[problem.number(v, place) for v, place in zip(problem.variables, row, strict=True)] for row in designs]
     )
 
 
 def words(problem: DesignProblem, design: Array) -> str:
     """``meshes.first.contact_ratio = 1.1, stage = row 2``."""
     pairs = zip(problem.variables, design, strict=True)
-    return ", ".join(f"{variable.name} = {values.text(problem, variable, place)}" for variable, place in pairs)
+    return ", ".join(f"{variable.name} = {problem.text(variable, place)}" for variable, place in pairs)

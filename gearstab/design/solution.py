@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 
 from gearstab.config import ConfigError
-from gearstab.design.judging.judge import Goal, Judge
-from gearstab.design.judging.quantities import REGIONS
+from gearstab.design import pareto, search
+from gearstab.design.judge import Goal, Judge
 from gearstab.design.problem import DesignProblem, Span
-from gearstab.design.reasons.explain import explanation
-from gearstab.design.reasons.margins import allowed, margins, sensitivities
-from gearstab.design.reasons.phasing import phasing
-from gearstab.design.reasons.tongues import DesignTongues, single, tongues
-from gearstab.design.searching import pareto, search
+from gearstab.design.quantities import REGIONS
+from gearstab.design.reasons import allowed, explanation, margins, sensitivities
+from gearstab.design.tongues import DesignTongues, phasing, single, tongues
 from gearstab.floquet import solve
 from gearstab.support import unsupported
 from gearstab.system import Array, GearSystem

@@ -29,7 +29,7 @@ from gearstab.errors import ResultError
 from gearstab.results.output import write_bytes
 from gearstab.results.read import attributes, reading
 from gearstab.sweep.plan import Plan, plan
-from gearstab.sweep.reporter import Reporter
+from gearstab.sweep.progress import Reporter
 
 if TYPE_CHECKING:
     import xarray as xr

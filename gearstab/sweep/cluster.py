@@ -28,7 +28,7 @@ from gearstab.sweep.compute import taken_over
 from gearstab.sweep.layout import GridBlock
 from gearstab.sweep.plan import Plan
 from gearstab.sweep.pool import ONE_THREAD, Executor, Failure, Result, attempt, interrupts_later
-from gearstab.sweep.reporter import Reporter
+from gearstab.sweep.progress import Reporter
 from gearstab.sweep.storage.store import Store
 from gearstab.version import __version__
 

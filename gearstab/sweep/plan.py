@@ -9,18 +9,20 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil, prod
 
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.config import Axis, Config
+from gearstab.config import Axis, Config, alike
 from gearstab.config.model.axes import MESH_FREQUENCY
 from gearstab.config.sections.methods import check_options
 from gearstab.methods import POINTS, Method, chosen
-from gearstab.sweep import teeth
+from gearstab.results.tree import Group, fields_of
+from gearstab.results.variables import flagged
+from gearstab.results.variables.responses import TEETH
 from gearstab.sweep.layout import Layout
 from gearstab.sweep.storage.previous import Previous
 from gearstab.system import Array, GearSystem
@@ -98,9 +100,9 @@ class Plan:
         return hashlib.sha256(text.encode()).hexdigest()
 
     @cached_property
-    def teeth(self) -> teeth.ToothNotices | None:
+    def teeth(self) -> ToothNotices | None:
         """Return what is wrong with the teeth of a gearbox, over its grid; None for other systems."""
-        return teeth.over_grid(self.config, self.row_axes, self.base)
+        return over_grid(self.config, self.row_axes, self.base)
 
     @property
     def mesh_frequency_range(self) -> tuple[float, float]:
@@ -189,3 +191,43 @@ def chunk_shape(shape: tuple[int, ...], inner: int | None, wanted: int) -> tuple
 def _even(size: int, most: int) -> int:
     """The length of the fewest nearly equal pieces of ``size`` that are at most ``most`` long."""
     return ceil(size / ceil(size / most)) if size else 1
+
+
+@dataclass(frozen=True)
+class ToothNotices:
+    """Flags of :data:`gearstab.systems.gearbox.feasibility.NOTICE_FLAGS`.
+
+    axes: those of the grid on which the geometry depends; flags: ``(*axes, mesh)``; meshes: their names.
+    """
+
+    axes: tuple[Axis, ...]
+    flags: Array
+    meshes: tuple[str, ...]
+
+
+def over_grid(config: Config, row_axes: tuple[Axis, ...], base: GearSystem) -> ToothNotices | None:
+    """Look at the teeth of every geometry of the grid; None for systems that are not given by their teeth."""
+    if config.system.train() is None:
+        return None
+    from gearstab.systems.gearbox.feasibility import GEOMETRY, notice_flags
+
+    axes = tuple(axis for axis in row_axes if any(item.path[-1] in GEOMETRY for item in axis.assignments))
+    meshes = tuple(mesh.name for mesh in base.whole_meshes)
+    shape = tuple(axis.size for axis in axes)
+    index = np.indices(shape).reshape(len(shape), prod(shape))
+    rows = dict(zip((axis.name for axis in axes), index, strict=True))
+    flags = np.zeros((prod(shape), len(meshes)), dtype=np.int16)
+    for members in alike(axes, rows, len(flags)):
+        chosen = {name: places[members] for name, places in rows.items()}
+        flags[members] = notice_flags(config.at(chosen))
+    return ToothNotices(axes, flags.reshape(*shape, len(meshes)), meshes)
+
+
+def tooth_group(found: ToothNotices) -> Group:
+    """Return the group ``/teeth`` of the result."""
+    from gearstab.systems.gearbox.feasibility import NOTICE_FLAGS
+
+    names = tuple(axis.name for axis in found.axes)
+    coordinate, notices = flagged(TEETH, NOTICE_FLAGS)
+    table = (coordinate, replace(notices, dims=(*names, "mesh")))
+    return Group(fields_of(table, {"mesh": found.meshes, "notices": found.flags}))

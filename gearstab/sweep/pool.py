@@ -32,7 +32,7 @@ from gearstab.methods import Outcome
 from gearstab.sweep.compute import compute
 from gearstab.sweep.layout import GridBlock
 from gearstab.sweep.plan import Plan
-from gearstab.sweep.reporter import Reporter
+from gearstab.sweep.progress import Reporter
 from gearstab.sweep.storage.parts import FinishedBlock, PartFolder
 from gearstab.sweep.storage.store import Store
 

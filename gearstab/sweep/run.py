@@ -6,70 +6,30 @@ import errno
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
-
-import numpy as np
 
 from gearstab import ckernel, interrupts
 from gearstab.errors import Interrupted, OutputError, SweepError, listed
 from gearstab.results.output import free_bytes, prepare
 from gearstab.results.read import SWEEP, result_of
 from gearstab.results.write import image, rewrite_attributes
-from gearstab.sweep.effort.estimate import Estimate, long_runs
-from gearstab.sweep.effort.words import octets
+from gearstab.sweep.forecast import Estimate
 from gearstab.sweep.layout import Layout
+from gearstab.sweep.limits import long_runs
 from gearstab.sweep.plan import Plan
 from gearstab.sweep.pool import Executor, Failure, run_blocks
-from gearstab.sweep.reporter import Reporter
+from gearstab.sweep.progress import Reporter, octets
 from gearstab.sweep.storage import merge, previous
+from gearstab.sweep.storage.merge import Summary
 from gearstab.sweep.storage.parts import PartFolder
 from gearstab.sweep.storage.store import Store
 
 MOST_FAILURES = 10
 """Stop after this many failed blocks, unless told otherwise: the cause is then common to all."""
-
-
-@dataclass(frozen=True)
-class RegionSearches:
-    """Assumptions of searches for all regions of systems rest on.
-
-    step: largest distance of samples in what is neither proved nor counted, relative; 0 where everything is. coarse:
-    systems that were sampled there in equal steps only. proved, counted: shares of the stable mesh frequencies that are
-    proved stable, and that are searched by counting only, means of all rows; None where no method tells, or nothing is
-    stable.
-    """
-
-    systems: int
-    step: float
-    coarse: int
-    proved: float | None = None
-    counted: float | None = None
-
-
-@dataclass(frozen=True)
-class Summary:
-    """Summary of a sweep.
-
-    points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
-    unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
-    flags: by method, how many points carry each flag of ``status``. complete: whether the result was there already.
-    searches: by method, what its searches for regions rest on.
-    certified: share of the mesh frequencies that has certificates, None without any.
-    """
-
-    points: int
-    blocks: int
-    reused: int = 0
-    unstable: int | None = None
-    failed: int = 0
-    flags: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
-    complete: bool = False
-    searches: Mapping[str, RegionSearches] = field(default_factory=dict)
-    certified: float | None = None
 
 
 def run(
@@ -115,7 +75,9 @@ def run(
         reporter.message(_others(folder, others))
     with closing(Store(plan, folder)) as store:
         if not overwrite and (useless := store.find()):
-            reporter.message(f"{folder.path}: {_damaged(useless)}")
+            reporter.message(
+                f"{folder.path}: {_blocks(useless)} damaged, or not as this sweep writes them: computed again"
+            )
         if store.blocks:
             kept = f"{len(store.blocks)} of {plan.blocks} blocks"
             reporter.message(f"going on with {kept} that are finished in {folder.every}")
@@ -123,11 +85,6 @@ def run(
             reporter.message("no finished blocks found: starting from the beginning")
         work = Work(plan, store, jobs or ckernel.threads(), reporter, most_failures, scheduler, forecast)
         return _run(work, out, before)
-
-
-def _damaged(count: int) -> str:
-    """Message on part files that are of no use."""
-    return f"{_blocks(count)} damaged, or not as this sweep writes them: computed again"
 
 
 def _remove_parts(plan: Plan, folder: PartFolder) -> None:
@@ -176,13 +133,18 @@ def _run(work: Work, out: Path, before: previous.Identity | None) -> Summary:
         with interrupts.raised(lambda: computed and previous.replaced(out, before)):
             _compute(work)
             computed = True
-            summary = _summary(store, reused)
+            summary = merge.summary_of(store, reused)
             _finish(store, out, before)
             store.remove()
             return summary
     except KeyboardInterrupt:
-        kept = store.rescue()
-        raise Interrupted(_interrupted(kept, work.plan.blocks, store.folder)) from None
+        kept, every = (
+            store.rescue(),
+            f"blocks are kept in {store.folder.every}: run the same command with --resume to go on",
+        )
+        if not kept:
+            raise Interrupted("interrupted before anything was finished") from None
+        raise Interrupted(f"interrupted; {kept} of {work.plan.blocks} {every}") from None
 
 
 def run_in_memory(
@@ -316,35 +278,3 @@ def _kept(store: Store) -> str:
 
 def _blocks(count: int) -> str:
     return "1 finished block is" if count == 1 else f"{count} finished blocks are"
-
-
-def _interrupted(kept: int, total: int, folder: PartFolder) -> str:
-    if not kept:
-        return "interrupted before anything was finished"
-    return (
-        f"interrupted; {kept} of {total} blocks are kept in {folder.every}: run the same command with --resume to go on"
-    )
-
-
-def _summary(store: Store, reused: int) -> Summary:
-    plan = store.plan
-    tells = [block for layout in plan.layouts if layout.tells for block in store.of(layout)]
-    return Summary(
-        plan.points, plan.blocks, reused, sum(block.unstable for block in tells) if tells else None,
-        sum(block.failed for block in tells), {layout.method.name: store.flags(layout) for layout in plan.layouts},
-        False,
-        {layout.method.name: _searches(store, layout) for layout in plan.layouts if layout.gives("sampled_step")},
-        _certified(store),
-    )  # fmt: skip
-
-
-def _searches(store: Store, layout: Layout) -> RegionSearches:
-    step, coarse = (store.rows(layout, name) for name in ("sampled_step", "coarse"))
-    known = (store.rows(layout, name) for name in ("proved_share", "counted_share") if layout.gives(name))
-    shares = (float(np.nanmean(own)) if np.isfinite(own).any() else None for own in known)
-    return RegionSearches(layout.method.once()[1] * len(step), float(step.max()), int(coarse.sum()), *shares)
-
-
-def _certified(store: Store) -> float | None:
-    found = [store.rows(own, "certified_share") for own in store.plan.layouts if own.gives("certified_share")]
-    return float(np.mean(found)) if found else None

@@ -22,10 +22,9 @@ import gearstab as gs
 from gearstab.api import runs
 from gearstab.errors import DoubtWarning, PlotError, RequestError
 from gearstab.results import open_result
-from gearstab.sweep import Reporter, plan
-from gearstab.sweep.bar import Bar
-from gearstab.sweep.effort import limits
-from gearstab.sweep.effort.estimate import estimate
+from gearstab.sweep import Reporter, limits, plan
+from gearstab.sweep.forecast import estimate
+from gearstab.sweep.progress import Bar
 
 SWEPT = (
     TRAIN

@@ -12,9 +12,8 @@ import gearstab as gs
 from gearstab import ckernel
 from gearstab.config import load
 from gearstab.floquet.frequencies.choice import chosen
-from gearstab.sweep import plan
+from gearstab.sweep import forecast, plan
 from gearstab.sweep.compute import compute
-from gearstab.sweep.effort import estimate
 
 CASES = Path(__file__).parent
 
@@ -66,7 +65,7 @@ def test_no_time_is_told_that_no_sample_bears_out(name: str, monkeypatch: pytest
     """Where nothing ends in time, and a kernel that looks stops it."""
     planned = plan(load(CASES / f"{name}.yaml", (), needs=("sweep", "methods")))
     start = time.thread_time()
-    found = estimate.estimate(planned, 1, budget=0.05)
+    found = forecast.estimate(planned, 1, budget=0.05)
     # Samples look at the clock every 0.05 s of a call; what is built before is no part of them.
     assert time.thread_time() - start < 5
     for method in found.methods:
@@ -78,7 +77,7 @@ def test_no_time_is_told_that_no_sample_bears_out(name: str, monkeypatch: pytest
 @pytest.mark.parametrize("name", ["dry_run_estimate", "slow_gearbox", "slow_terms_8dof", "a7_dry_run_too_low"])
 def test_a_time_that_is_told_is_right_within_a_factor_of_three(name: str) -> None:
     planned = plan(load(CASES / f"{name}.yaml", (), needs=("sweep", "methods")))
-    told = {method.name: method.seconds for method in estimate.estimate(planned, 1).methods}
+    told = {method.name: method.seconds for method in forecast.estimate(planned, 1).methods}
     with ckernel.using(threads=1):
         for layout in planned.layouts:
             seconds = told[layout.method.name]

@@ -14,7 +14,7 @@ from scenes import ROOT, TRAIN, code, written
 from gearstab import __version__
 from gearstab.cli import COMMANDS, group, main
 from gearstab.cli.terminal import errors
-from gearstab.sweep.effort.words import duration, octets, quantity
+from gearstab.sweep.progress import duration, octets, quantity
 
 HEAVY = {"numpy", "scipy", "pydantic", "h5py", "xarray", "matplotlib", "rich", "pint", "joblib", "ruamel", "h5netcdf"}
 

@@ -17,7 +17,7 @@ from gearstab.cli.terminal.console import tell
 from gearstab.cli.terminal.progress import Messages, reporter
 from gearstab.results import open_result
 from gearstab.sweep import pool
-from gearstab.sweep.bar import Bar
+from gearstab.sweep.progress import Bar
 
 CONFIG = (
     TRAIN

@@ -13,13 +13,13 @@ import xarray as xr
 from scenes import TRAIN, ran, read, written
 
 from gearstab.config import Config
-from gearstab.design.judging.judge import Judge
-from gearstab.design.judging.regions import united
+from gearstab.design.judge import Judge
+from gearstab.design.pareto import nondominated, thinned
 from gearstab.design.problem import DesignProblem
-from gearstab.design.reasons.margins import margins, sensitivities
-from gearstab.design.reasons.tongues import tongues
-from gearstab.design.searching.pareto import nondominated, thinned
-from gearstab.design.searching.search import first
+from gearstab.design.reasons import margins, sensitivities
+from gearstab.design.regions import united
+from gearstab.design.search import first
+from gearstab.design.tongues import tongues
 from gearstab.errors import PlotError
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries

@@ -13,9 +13,9 @@ from scenes import CONFIGS, problems, ran, read, written
 from scipy.linalg import expm
 
 from gearstab.config import load
-from gearstab.design.judging.quantities import EXACT
 from gearstab.design.problem import DesignProblem
-from gearstab.design.reasons.tongues import single
+from gearstab.design.quantities import EXACT
+from gearstab.design.tongues import single
 from gearstab.floquet.boundaries import boundaries
 from gearstab.gears.loaded import equilibrium
 from gearstab.gears.mesh_stiffness import single_stiffness

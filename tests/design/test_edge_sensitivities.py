@@ -11,7 +11,7 @@ from scenes import TRAIN, read
 from scipy.linalg import expm
 
 from gearstab.design.problem import DesignProblem
-from gearstab.design.reasons.tongues import DesignTongues, tongues
+from gearstab.design.tongues import DesignTongues, tongues
 
 VARIABLES = """\
   variables:

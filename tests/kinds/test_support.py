@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gearstab.design.judging.quantities import EXACT, SUPPORTS
+from gearstab.design.quantities import EXACT, SUPPORTS
 from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.methods import METHODS, Method, OptionError, Outcome
 from gearstab.support import ANY_LINEAR, unsupported

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gearstab.sweep import bar as room
-from gearstab.sweep.bar import Bar
+from gearstab.sweep import progress as room
+from gearstab.sweep.progress import Bar
 
 
 class Clock:

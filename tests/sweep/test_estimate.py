@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 from sweep_faults import CONFIG, faulty
 
-from gearstab.cli.sweep.command import forecast
+from gearstab.cli.sweep.command import forecast as dry_run
 from gearstab.interrupts import heed
 from gearstab.methods import RANGE
-from gearstab.sweep import Plan
-from gearstab.sweep.effort import estimate
-from gearstab.sweep.effort.clock import within
+from gearstab.sweep import Plan, forecast, limits
+from gearstab.sweep.forecast import within
 from gearstab.sweep.layout import GridBlock
 
 
@@ -64,9 +63,9 @@ def plan(tmp_path: Path) -> Plan:
 
 
 def on(machine: Machine, patch: pytest.MonkeyPatch) -> Machine:
-    patch.setattr(estimate, "time", machine)
-    patch.setattr(estimate, "compute", machine.compute)
-    patch.setattr(estimate, "within", machine.within)
+    patch.setattr(forecast, "time", machine)
+    patch.setattr(forecast, "compute", machine.compute)
+    patch.setattr(forecast, "within", machine.within)
     return machine
 
 
@@ -77,18 +76,19 @@ def test_the_time_is_that_of_all_blocks(
     plan: Plan, monkeypatch: pytest.MonkeyPatch, block: float, point: float
 ) -> None:
     machine = on(Machine(block, point), monkeypatch)
-    (found,) = estimate.estimate(plan, 1).methods
+    (found,) = forecast.estimate(plan, 1).methods
     # 8 blocks of 3 points.
     assert found.work == pytest.approx(8 * (block + 3 * point), rel=1e-9)
-    assert machine.now <= estimate.BUDGET
+    assert machine.now <= forecast.BUDGET
 
 
-def test_samples_of_less_than_a_block_tell_what_its_points_share(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_part_of_a_block_tells_of_all_of_it(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work that its points share counts once a sample: a tenth of it at the size that there is time for."""
     machine = on(Machine(0.05, 1e-3), monkeypatch)
     large = replace(plan, layouts=(replace(plan.layouts[0], shape=(40, 5000), chunk=(1, 5000)),))
-    (found,) = estimate.estimate(large, 1).methods
-    assert found.work == pytest.approx(40 * (0.05 + 5000 * 1e-3), rel=1e-2)
-    assert machine.now <= estimate.BUDGET
+    (found,) = forecast.estimate(large, 1).methods
+    assert 1 <= found.work / (40 * (0.05 + 5000 * 1e-3)) < 1.1
+    assert machine.now <= forecast.BUDGET
 
 
 @pytest.mark.parametrize("row", [0.0, 1e-4, 0.01, 0.11], ids=str)
@@ -99,7 +99,7 @@ def test_rows_of_mesh_frequencies_share_their_preparation(
     """As in the map of a gearbox of four meshes, where 500 points take hardly longer than one."""
     on(Machine(1e-3, 5e-5, row=row), monkeypatch)
     large = replace(plan, layouts=(replace(plan.layouts[0], shape=(20, 500), chunk=chunk),))
-    (found,) = estimate.estimate(large, 1).methods
+    (found,) = forecast.estimate(large, 1).methods
     pieces = 20 * 500 // chunk[1]
     blocks = pieces / chunk[0] if pieces % chunk[0] == 0 else pieces // chunk[0] + 1
     # What a block takes besides its rows is taken for a part of theirs where no two rows are done in time.
@@ -111,7 +111,7 @@ def test_rows_of_mesh_frequencies_share_their_preparation(
 def test_one_sample_does_not_tell_what_points_share(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     on(Machine(0.6, 5e-5), monkeypatch)
     large = replace(plan, layouts=(replace(plan.layouts[0], shape=(20, 500), chunk=(1, 500)),))
-    (found,) = estimate.estimate(large, 1, 0.7).methods
+    (found,) = forecast.estimate(large, 1, 0.7).methods
     assert found.seconds is None
 
 
@@ -119,17 +119,17 @@ def test_dearer_points_count(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> Non
     """From the dearest to the cheapest a straight line: the average is what is found in the middle."""
     on(Machine(0.0, 1e-4, dearest=9.0), monkeypatch)
     large = replace(plan, layouts=(replace(plan.layouts[0], shape=(40, 5000), chunk=(1, 5000)),))
-    (found,) = estimate.estimate(large, 1).methods
+    (found,) = forecast.estimate(large, 1).methods
     assert found.work == pytest.approx(40 * 5000 * 1e-4 * 5, rel=0.1)
 
 
 def test_a_point_that_takes_longer_than_there_is_time(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     machine = on(Machine(100.0, 10.0), monkeypatch)
-    found = estimate.estimate(plan, 1)
+    found = forecast.estimate(plan, 1)
     assert found.methods[0].seconds is None
     assert found.methods[0].time == "not known (a sample took more than 6 s)"
     assert found.time == "not known: that of floquet"
-    assert machine.now == pytest.approx(estimate.BUDGET)
+    assert machine.now == pytest.approx(forecast.BUDGET)
 
 
 def test_a_first_call_is_not_taken_for_the_others(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,8 +139,8 @@ def test_a_first_call_is_not_taken_for_the_others(plan: Plan, monkeypatch: pytes
         machine.now += 0.3 * (machine.blocks == 0)
         return machine.compute(plan, block)
 
-    monkeypatch.setattr(estimate, "compute", compute)
-    (found,) = estimate.estimate(plan, 1).methods
+    monkeypatch.setattr(forecast, "compute", compute)
+    (found,) = forecast.estimate(plan, 1).methods
     assert found.work == pytest.approx(24 * 1e-3, rel=1e-9)
 
 
@@ -180,10 +180,10 @@ methods: {boundaries: {}}
 def test_a_search_without_end_says_so_before(tmp_path: Path) -> None:
     (tmp_path / "endless.yaml").write_text(ENDLESS)
     plan = planned(tmp_path / "endless.yaml")
-    found = estimate.estimate(plan, 1, budget=0.5)
-    (said,) = estimate.long_runs(plan, found)
+    found = forecast.estimate(plan, 1, budget=0.5)
+    (said,) = limits.long_runs(plan, found)
     assert said.startswith("methods.boundaries may take very long; ")
-    assert "not known (a sample took more than 0.5 s)" in forecast(plan, found, tmp_path / "out.h5")
+    assert "not known (a sample took more than 0.5 s)" in dry_run(plan, found, tmp_path / "out.h5")
 
 
 def test_parts_of_a_range_tell_of_all_of_it(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -205,15 +205,15 @@ def test_parts_of_a_range_tell_of_all_of_it(plan: Plan, monkeypatch: pytest.Monk
     layout = plan.layouts[0]
     ranges = replace(plan, layouts=(replace(layout, method=Search(), shape=(8,), chunk=(8,), dims=layout.dims[:1]),))
     low, high = ranges.mesh_frequency_range
-    work = estimate._of_parts(ranges, ranges.layouts[0], estimate.Clock(5.0))
+    work = forecast._of_parts(ranges, ranges.layouts[0], forecast.Clock(5.0))
     assert work == pytest.approx(8 * 3 * (3 * 0.02 + 50.0 * (1 / low - 1 / high)), rel=1e-6)
-    assert estimate._of_parts(ranges, ranges.layouts[0], estimate.Clock(0.01)) is None
+    assert forecast._of_parts(ranges, ranges.layouts[0], forecast.Clock(0.01)) is None
 
 
 def test_an_ordinary_sweep_says_nothing(tmp_path: Path) -> None:
     (tmp_path / "train.yaml").write_text(ENDLESS.replace('"999/1000"', "1").replace("0.00003", "0.35"))
     plan = planned(tmp_path / "train.yaml")
-    assert estimate.long_runs(plan, estimate.estimate(plan, 1, budget=60.0)) == []
+    assert limits.long_runs(plan, forecast.estimate(plan, 1, budget=60.0)) == []
 
 
 def planned(path: Path) -> Plan:
@@ -231,8 +231,8 @@ def test_a_place_that_does_not_end_leaves_the_time_unknown(plan: Plan, monkeypat
         machine.now += 100.0 * (block.start[0] == 0)
         return machine.compute(plan, block)
 
-    monkeypatch.setattr(estimate, "compute", compute)
+    monkeypatch.setattr(forecast, "compute", compute)
     large = replace(plan, layouts=(replace(plan.layouts[0], shape=(40, 5000), chunk=(1, 5000)),))
-    monkeypatch.setattr(estimate, "PLACES", (0.0,))
-    (found,) = estimate.estimate(large, 1).methods
+    monkeypatch.setattr(forecast, "PLACES", (0.0,))
+    (found,) = forecast.estimate(large, 1).methods
     assert found.seconds is None

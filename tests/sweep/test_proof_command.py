@@ -18,8 +18,8 @@ from gearstab.floquet.boundaries.damped import search
 from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
-from gearstab.sweep.run import RegionSearches
 from gearstab.sweep.storage import store
+from gearstab.sweep.storage.merge import RegionSearches
 
 TRAIN = """
 title: A damped train

@@ -54,7 +54,7 @@ def command(config: Path, output: Path, overrides: tuple[str, ...], unit: tuple[
 def shown(quiet: bool) -> Iterator[Callable[[str], None]]:
     """Give the function that shows which step begins: on a bar where standard error is a terminal, else nowhere."""
     from gearstab.cli.report.content import STEPS
-    from gearstab.sweep.bar import bar
+    from gearstab.sweep.progress import bar
 
     with bar(disable=quiet or not sys.stderr.isatty()) as progress:
         task = progress.add_task("report", total=len(STEPS), speed="", unstable="")

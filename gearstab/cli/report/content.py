@@ -94,7 +94,7 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     """The given design and, where one was searched, the proposed one."""
     from dataclasses import replace
 
-    from gearstab.design.reasons.tongues import single
+    from gearstab.design.tongues import single
     from gearstab.support import WHIRLING, unsupported
     from gearstab.system import Feature
 
@@ -268,7 +268,6 @@ def _tree(solution: Solution) -> Any:
 
 
 def _design(solution: Solution) -> Iterator[Block]:
-    from gearstab.design import values
     from gearstab.design.answer import answer
     from gearstab.results.display import unit_of
 
@@ -279,7 +278,7 @@ def _design(solution: Solution) -> Iterator[Block]:
     rows = []
     for k, variable in enumerate(problem.variables):
         unit = unit_of(solution.initial_system, variable.axis.units)
-        old, new = (values.text(problem, variable, place) for place in (float("nan"), solution.optimum[k]))
+        old, new = (problem.text(variable, place) for place in (float("nan"), solution.optimum[k]))
         down, up = (f"{value:.4g}" if value == value else "-" for value in solution.margins[:, k])
         rows.append([variable.name, "" if unit == "1" else unit, old, new, down, up])
     yield Table(["variable", "unit", "given", "proposed", "margin down", "margin up"], rows)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config import Config
-from gearstab.design.judging import regions
+from gearstab.design import regions
 from gearstab.design.problem import Span
 from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.floquet.boundaries.damped.proof import MODULI

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gearstab.config import Axis
     from gearstab.info.outcome import Condition
     from gearstab.sweep import Plan, Reporter, Summary
-    from gearstab.sweep.effort.estimate import Estimate
+    from gearstab.sweep.forecast import Estimate
 
 
 @click.command(name="sweep", short_help="Compute a grid.")
@@ -76,6 +76,8 @@ def command(
     from gearstab.info import outcome
     from gearstab.results.read import SWEEP, result_of
     from gearstab.sweep import MOST_FAILURES, plan, run
+    from gearstab.sweep.forecast import estimate
+    from gearstab.sweep.limits import refuse
 
     conditions = [outcome.condition(text) for text in limits_of]
     result_of(SWEEP).refuse(target, config)
@@ -86,17 +88,14 @@ def command(
         for note in notes(planned):
             tell(f"note: {note}")
     if dry_run:
-        from gearstab.sweep.effort.estimate import estimate
-
         say(forecast(planned, estimate(planned, jobs), target))
         return
     from gearstab.cli.sweep import notes as remarks
     from gearstab.cli.terminal.progress import reporter
-    from gearstab.sweep.effort import limits
 
     told = reporter(quiet)
     wanted = planned if extend is None else grown(planned, extend, told)
-    found = limits.refuse(planned, target, jobs, yes)
+    found = refuse(planned, target, jobs, yes)
     failures = {None: MOST_FAILURES, True: None, False: 1}[keep_going]
     summary = run(wanted, target, jobs, resume is True, resume is False, told, failures, scheduler, found)
     if not quiet:
@@ -148,7 +147,7 @@ def notes(plan: Plan) -> list[str]:
 
 def final_line(target: Path, summary: Summary, seconds: float) -> str:
     """Return the line that ends a sweep."""
-    from gearstab.sweep.effort.words import duration
+    from gearstab.sweep.progress import duration
 
     if summary.complete:
         return f"{target}: already complete; --overwrite computes it again"
@@ -165,7 +164,7 @@ def final_line(target: Path, summary: Summary, seconds: float) -> str:
 def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     """Return the text that ``--dry-run`` prints."""
     from gearstab.info.tables import columns
-    from gearstab.sweep.effort.limits import large
+    from gearstab.sweep.limits import large
 
     axes = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes]
     methods = [[m.name, f"{m.points:,}", f"{m.blocks:,}", m.time, size(m.file_size)] for m in found.methods]
@@ -200,6 +199,6 @@ def extent(axis: Axis) -> str:
 
 def size(count: float) -> str:
     """A number of bytes, as little as is worth telling."""
-    from gearstab.sweep.effort.words import octets
+    from gearstab.sweep.progress import octets
 
     return octets(max(count, 1000.0))

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from gearstab.sweep import Plan, Summary
-    from gearstab.sweep.run import RegionSearches
+    from gearstab.sweep.storage.merge import RegionSearches
 
 TEETH = {
     "undercut": "are undercut", "top_land": "are pointed", "interference": "interfere, so that contact is cut off",

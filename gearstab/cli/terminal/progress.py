@@ -23,6 +23,6 @@ def reporter(quiet: bool) -> Reporter:
     """A bar if someone can see it."""
     if quiet or not sys.stderr.isatty():
         return Messages(quiet)
-    from gearstab.sweep.bar import Bar
+    from gearstab.sweep.progress import Bar
 
     return Bar(tell)

@@ -1,4 +1,4 @@
-"""Periodic motions with loss of contact: their stability, as points of a branch, and as what motions settle to over speed.
+"""Periodic motions with loss of contact: their stability, as points of a branch, and what motions settle to over speed.
 
 A run-up or a run-down begins at every mesh frequency where the motion at the one before has led.
 """

@@ -1,9 +1,9 @@
-"""From finished blocks to the result file."""
+"""From finished blocks to the result file, and to what is said of it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,52 @@ from gearstab.results.read import SWEEP
 from gearstab.results.tree import Chunked, Encoded, Field, Group, Offset, ResultTree, octets
 from gearstab.results.variables import OCCURRENCE, TEXT, TONGUE, Variable, coordinate
 from gearstab.results.write import write_result
-from gearstab.sweep import teeth
 from gearstab.sweep.compute import moved
 from gearstab.sweep.layout import Layout, VariableLayout
+from gearstab.sweep.plan import tooth_group
 from gearstab.sweep.storage.parts import FinishedBlock
 from gearstab.sweep.storage.previous import origin
 from gearstab.sweep.storage.store import Store
 from gearstab.system import Array
+
+
+@dataclass(frozen=True)
+class RegionSearches:
+    """Assumptions of searches for all regions of systems rest on.
+
+    step: largest distance of samples in what is neither proved nor counted, relative; 0 where everything is. coarse:
+    systems that were sampled there in equal steps only. proved, counted: shares of the stable mesh frequencies that are
+    proved stable, and that are searched by counting only, means of all rows; None where no method tells, or nothing is
+    stable.
+    """
+
+    systems: int
+    step: float
+    coarse: int
+    proved: float | None = None
+    counted: float | None = None
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Summary of a sweep.
+
+    points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
+    unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
+    flags: by method, how many points carry each flag of ``status``. complete: whether the result was there already.
+    searches: by method, what its searches for regions rest on.
+    certified: share of the mesh frequencies that has certificates, None without any.
+    """
+
+    points: int
+    blocks: int
+    reused: int = 0
+    unstable: int | None = None
+    failed: int = 0
+    flags: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    complete: bool = False
+    searches: Mapping[str, RegionSearches] = field(default_factory=dict)
+    certified: float | None = None
 
 
 def result_tree(store: Store, said: Mapping[str, str]) -> ResultTree:
@@ -46,7 +85,7 @@ def result_tree(store: Store, said: Mapping[str, str]) -> ResultTree:
         beside = [field for name in axes if name in layout.dims for field in own[name]]
         groups[layout.method.name] = _method_group(store, layout, beside)
     if plan.teeth is not None:
-        groups[teeth.NAME] = teeth.group(plan.teeth)
+        groups["teeth"] = tooth_group(plan.teeth)
     return ResultTree(root, groups)
 
 
@@ -157,3 +196,28 @@ def write(store: Store, out: Path, look: Look) -> None:
     if store.plan.taken is not None:
         said["extended_from"] = str(store.plan.taken.path)
     write_result(out, result_tree(store, said), look)
+
+
+def summary_of(store: Store, reused: int) -> Summary:
+    """Sum up a sweep of which all is finished; reused: blocks that an earlier run had finished."""
+    plan = store.plan
+    tells = [block for layout in plan.layouts if layout.tells for block in store.of(layout)]
+    return Summary(
+        plan.points, plan.blocks, reused, sum(block.unstable for block in tells) if tells else None,
+        sum(block.failed for block in tells), {layout.method.name: store.flags(layout) for layout in plan.layouts},
+        False,
+        {layout.method.name: _searches(store, layout) for layout in plan.layouts if layout.gives("sampled_step")},
+        _certified(store),
+    )  # fmt: skip
+
+
+def _searches(store: Store, layout: Layout) -> RegionSearches:
+    step, coarse = (store.rows(layout, name) for name in ("sampled_step", "coarse"))
+    known = (store.rows(layout, name) for name in ("proved_share", "counted_share") if layout.gives(name))
+    shares = (float(np.nanmean(own)) if np.isfinite(own).any() else None for own in known)
+    return RegionSearches(layout.method.once()[1] * len(step), float(step.max()), int(coarse.sum()), *shares)
+
+
+def _certified(store: Store) -> float | None:
+    found = [store.rows(own, "certified_share") for own in store.plan.layouts if own.gives("certified_share")]
+    return float(np.mean(found)) if found else None

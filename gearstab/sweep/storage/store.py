@@ -11,10 +11,10 @@ from time import monotonic
 
 import numpy as np
 
-from gearstab.sweep.layout import GridBlock, Layout
+from gearstab.results.hdf5 import holds
+from gearstab.sweep.layout import GridBlock, Layout, VariableLayout
 from gearstab.sweep.plan import Plan
 from gearstab.sweep.storage.parts import LOCK, FinishedBlock, PartFolder
-from gearstab.sweep.storage.verify import fits
 from gearstab.system import Array
 
 try:
@@ -141,6 +141,27 @@ class Store:
         if self._hold.held() and not self.folder.count():
             self.remove()
         self._hold.drop()
+
+
+def fits(plan: Plan, block: GridBlock, part: FinishedBlock) -> bool:
+    """Whether a finished block has the variables of this one, in chunks of their number and size.
+
+    The checksum tells damage; this, parts that another program made, so that no later step fails.
+    """
+    results = plan.layout(block.method).results
+    if part.points != block.points or set(part.variables) != {own.variable.name for own in results}:
+        return False
+    try:
+        return all(_complete(own, part) for own in results)
+    except OSError:
+        return False  # its file went meanwhile, or was cut
+
+
+def _complete(own: VariableLayout, part: FinishedBlock) -> bool:
+    pieces = part.pieces(own.variable.name)
+    listed = len(part.tongues) if "tongue" in own.variable.dims else 1
+    count = max(1, len(pieces)) if own.variable.of_parts else listed
+    return len(pieces) == count and all(holds(data, own.piece_bytes) for data in pieces)
 
 
 ATTEMPTS = 100

@@ -12,10 +12,9 @@ from scipy.optimize import minimize_scalar
 from test_planetary_sets import TWO
 
 from gearstab.config import ConfigError
-from gearstab.design import check
-from gearstab.design.judging.judge import Judge
+from gearstab.design import check, search
+from gearstab.design.judge import Judge
 from gearstab.design.problem import DesignProblem
-from gearstab.design.searching import search
 from gearstab.gears.loaded import loaded_mesh
 from gearstab.gears.loaded_helical import LoadedHelical
 from gearstab.gears.mesh_stiffness import single_stiffness

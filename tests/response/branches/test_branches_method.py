@@ -31,7 +31,7 @@ from gearstab.results.export import export
 from gearstab.results.read import branches_of
 from gearstab.sweep import plan, run
 from gearstab.sweep.compute import compute
-from gearstab.sweep.storage.verify import fits
+from gearstab.sweep.storage.store import fits
 
 SYSTEM = """
 system:

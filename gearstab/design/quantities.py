@@ -10,7 +10,7 @@ from math import ceil
 
 import numpy as np
 
-from gearstab.design.judging import regions
+from gearstab.design import regions
 from gearstab.design.problem import Batch, Span
 from gearstab.modal import mean_modes
 from gearstab.support import ANY_LINEAR, WHIRLING, unsupported, whirls

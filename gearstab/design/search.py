@@ -15,9 +15,9 @@ from math import prod
 import numpy as np
 
 from gearstab.config import ConfigError
-from gearstab.design.judging.judge import VIOLATED, Goal, Judge
-from gearstab.design.judging.quantities import screened
+from gearstab.design.judge import VIOLATED, Goal, Judge
 from gearstab.design.problem import DesignProblem
+from gearstab.design.quantities import screened
 from gearstab.system import Array
 
 MOST_COMBINATIONS = 20_000
@@ -98,14 +98,12 @@ def changed(problem: DesignProblem, designs: Array) -> Array:
 
     The sum over variables of the distance of numbers as part of their extent; 1 for another row of a table or word.
     """
-    from gearstab.design.values import given_places, number
-
     total = np.zeros(len(designs))
-    for variable, given, places in zip(problem.variables, given_places(problem), designs.T, strict=True):
+    for variable, given, places in zip(problem.variables, problem.given_places, designs.T, strict=True):
         if variable.continuous:
             continue
-        values = np.array([number(problem, variable, float(place)) for place in range(variable.axis.size)])
-        own = number(problem, variable, np.nan)
+        values = np.array([problem.number(variable, float(place)) for place in range(variable.axis.size)])
+        own = problem.number(variable, np.nan)
         if variable.form == "choices" or np.isnan(own) or np.isnan(values).any():
             total += places != given
         else:
@@ -115,9 +113,7 @@ def changed(problem: DesignProblem, designs: Array) -> Array:
 
 def _as_given(problem: DesignProblem) -> Array | None:
     """The given design by the values of its variables; None where it is not within bounds and choices."""
-    from gearstab.design.values import given_places
-
-    places = given_places(problem)
+    places = problem.given_places
     low, high = problem.bounds
     return places if np.all((places >= low) & (places <= high)) else None
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gearstab.design.judging.judge import Goal, Judge
+from gearstab.design import search
+from gearstab.design.judge import Goal, Judge
 from gearstab.design.problem import DesignProblem
-from gearstab.design.searching import search
-from gearstab.design.searching.search import Say
+from gearstab.design.search import Say
 from gearstab.system import Array
 
 COMPROMISES = 9

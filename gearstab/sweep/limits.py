@@ -10,24 +10,27 @@ from gearstab import ckernel
 from gearstab.errors import RequestError
 from gearstab.methods import RANGE
 from gearstab.results.output import free_bytes
-from gearstab.sweep.effort.estimate import LONG, Estimate, estimate, of_ranges, small
-from gearstab.sweep.effort.words import octets
+from gearstab.sweep.forecast import Clock, Estimate, estimate, work_of
 from gearstab.sweep.layout import Layout
 from gearstab.sweep.plan import Plan
+from gearstab.sweep.progress import octets
 from gearstab.sweep.storage.parts import PartFolder
 
+QUICK_LOOK = 0.5
+"""Seconds in which it is found out whether a method takes long."""
+LONG = 120.0
+"""Seconds of a method that are worth a word before it starts."""
 MOST_POINTS = 1_000_000_000
 MOST_SECONDS = 8 * 3600.0
 MOST_BYTES = 10e9
 """Beyond these a sweep is begun with ``--yes`` only: a thousand maps of a thousand by a thousand points, a working day,
 and what takes minutes to copy."""
-
 SECONDS_OF_COST = 1e-7
-"""Seconds of a unit of a method's cost, roughly."""
+"""Seconds of a unit of a method's cost, at most, roughly: three times UNIT."""
+SMALL_COST = 1e6
+"""Cost of searches of ranges that are done in seconds."""
 SHORT = 60.0
-"""Seconds of a sweep, roughly estimated, that is begun without a closer look at them."""
-
-
+"""Seconds of a sweep, by its cost, that is begun without measuring anything."""
 TO_CONFIRM = "add --yes to begin it, or try --dry-run"
 
 
@@ -42,20 +45,17 @@ def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool, confirm: st
     if plainly_small(plan, jobs, free):
         return None
     found = estimate(plan, jobs)
-    # Finished blocks and the result are there at the same time.
-    needed = 2 * found.file_size - _kept(plan, out)
+    # Finished blocks and the result are there at the same time; some may be there from an earlier run.
+    folder = PartFolder(out, plan.digest).path
+    kept = sum(path.stat().st_size for path in folder.glob("*.part")) if folder.is_dir() else 0
+    needed = 2 * found.file_size - kept
     if needed > free:
         raise RequestError(
             f"{out}: the sweep needs about {octets(needed)} of disk for finished blocks and the result, and "
             f"{octets(free)} are free; make room or choose an output on another disk"
         )
     if not confirmed and (reasons := large(plan, found)):
-        costly = [m.name for m in found.methods if m.seconds is None or m.seconds > LONG]
-        remedies = [
-            f"; methods.{layout.method.name}: {layout.method.relief}"
-            for layout in plan.layouts
-            if layout.method.relief and layout.method.name in costly
-        ]
+        remedies = [f"; methods.{name}: {remedy}" for name, _, remedy in _expensive(plan, found)]
         raise RequestError(f"the sweep is large: {', '.join(reasons)}; {confirm}{''.join(remedies)}")
     return found
 
@@ -63,16 +63,21 @@ def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool, confirm: st
 def plainly_small(plan: Plan, jobs: int | None, free: float) -> bool:
     """Whether nothing can make a sweep large, by numbers that cost nothing."""
     seconds = sum(_roughly(plan, layout, jobs or ckernel.threads()) for layout in plan.layouts)
-    size = 2 * sum(_bytes(layout) for layout in plan.layouts)
-    return plan.points <= MOST_POINTS and seconds < SHORT and size < min(free, MOST_BYTES)
+    # Not compressed; lists of tongues, of unknown length, as if they had ten.
+    size = sum(
+        own.point_bytes * (10 if "tongue" in own.variable.dims else 1) * layout.points
+        for layout in plan.layouts for own in layout.results
+    )  # fmt: skip
+    return plan.points <= MOST_POINTS and seconds < SHORT and 2 * size < min(free, MOST_BYTES)
 
 
 def _roughly(plan: Plan, layout: Layout, workers: int) -> float:
     """Seconds of a method; infinite where that is not found out at once."""
-    if layout.method.frequency == RANGE and not small(layout):
-        found = of_ranges(plan, layout, workers)
-        return np.inf if found is None else found
-    return layout.points * layout.cost * SECONDS_OF_COST / workers
+    if layout.method.frequency != RANGE or layout.points * layout.cost < SMALL_COST:
+        return layout.points * layout.cost * SECONDS_OF_COST / workers
+    with ckernel.using(threads=1):
+        work, _ = work_of(plan, layout, Clock(QUICK_LOOK))
+    return np.inf if work is None else work / min(workers, layout.count)
 
 
 def large(plan: Plan, found: Estimate) -> list[str]:
@@ -87,18 +92,15 @@ def large(plan: Plan, found: Estimate) -> list[str]:
     return reasons
 
 
-def _bytes(layout: Layout) -> int:
-    """Return the size of a method's results over the grid, not compressed; lists of tongues, of unknown length, as if
-    they had ten.
-    """
-    total = 0
-    for own in layout.results:
-        tongues = 10 if "tongue" in own.variable.dims else 1
-        total += own.point_bytes * tongues * layout.points
-    return total
+def long_runs(plan: Plan, found: Estimate) -> list[str]:
+    """Warn of methods that are going to take long and could do with less, one line each."""
+    return [f"methods.{name} {text}; {remedy}" for name, text, remedy in _expensive(plan, found)]
 
 
-def _kept(plan: Plan, out: Path) -> int:
-    """Bytes of finished blocks of an earlier run."""
-    folder = PartFolder(out, plan.digest).path
-    return sum(path.stat().st_size for path in folder.glob("*.part")) if folder.is_dir() else 0
+def _expensive(plan: Plan, found: Estimate) -> list[tuple[str, str, str]]:
+    """Methods that take long and could do with less: name, how long, remedy."""
+    return [
+        (m.name, "may take very long" if m.seconds is None else f"will take some {m.time}", layout.method.relief)
+        for layout, m in zip(plan.layouts, found.methods, strict=True)
+        if layout.method.relief and (m.seconds is None or m.seconds > LONG)
+    ]

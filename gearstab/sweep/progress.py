@@ -1,4 +1,4 @@
-"""The progress of a sweep as a bar, on a terminal or in a notebook."""
+"""Events of a running sweep; this class ignores them. The command line has one that draws a bar."""
 
 from __future__ import annotations
 
@@ -7,12 +7,54 @@ import time
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from gearstab.sweep.effort.words import quantity
-from gearstab.sweep.reporter import Reporter
-
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.progress import Progress, TaskID
+
+
+def quantity(value: float) -> str:
+    """A number in three digits: ``999``, ``1.23 k``, ``45.6 M``."""
+    for factor, letter in ((1e9, " G"), (1e6, " M"), (1e3, " k")):
+        if value >= 0.9995 * factor:
+            return f"{value / factor:.3g}{letter}"
+    return f"{value:.3g}"
+
+
+def octets(count: float) -> str:
+    """A number of bytes: ``0 B``, ``999 B``, ``1.23 kB``, ``45.6 GB``."""
+    text = quantity(count)
+    return f"{text}B" if " " in text else f"{text} B"
+
+
+def duration(seconds: float) -> str:
+    """Seconds in words: ``0.42 s``, ``12 s``, ``3 min 20 s``, ``5 h 12 min``, ``2 d 3 h``."""
+    if seconds < 59.5:
+        return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
+    whole = round(seconds)
+    for unit, name, inner, below in ((86400, "d", 3600, "h"), (3600, "h", 60, "min"), (60, "min", 1, "s")):
+        if whole >= unit:
+            rest = whole % unit // inner
+            return f"{whole // unit} {name}" + (f" {rest} {below}" if rest else "")
+    return f"{whole} s"
+
+
+class Reporter:
+    """Gets called as a sweep proceeds."""
+
+    def message(self, text: str) -> None:
+        """Something the user should know, one line."""
+
+    def begin(self, method: str, points: int, done: int, seconds: float | None, together: int) -> None:
+        """A method starts; ``done`` of its points are there already.
+
+        seconds: what the others will take, None where that is not known; together: how many come at once.
+        """
+
+    def advance(self, points: int, unstable: int, failed: int) -> None:
+        """Further points are there, of which so many are unstable and could not be computed."""
+
+    def end(self) -> None:
+        """No more points will come: all are there, or the sweep was stopped."""
 
 
 class Bar(Reporter):

@@ -10,8 +10,8 @@ import numpy as np
 
 from gearstab.config.document.tree import value_at
 from gearstab.config.sections.design import Limit
-from gearstab.design.judging.quantities import EXACT, first_order_width, tongue_distance
 from gearstab.design.problem import Batch, DesignProblem
+from gearstab.design.quantities import EXACT, first_order_width, tongue_distance
 from gearstab.system import Array
 
 AT_ONCE = 256

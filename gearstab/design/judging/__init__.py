@@ -1,1 +1,0 @@
-"""Value of a design: its quantities over the operating ranges, its objective and its constraints."""

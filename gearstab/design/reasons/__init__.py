@@ -1,1 +1,0 @@
-"""Why a design is good, how firmly, and what limits it."""
