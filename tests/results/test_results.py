@@ -28,10 +28,10 @@ from gearstab.results import (
     Variable,
     coordinate,
     fields_of,
+    hdf5,
     open_result,
     write_result,
 )
-from gearstab.results import hdf5
 from gearstab.results import variables as table
 from gearstab.results.hdf5 import FILTER, decode, encode, holds
 from gearstab.results.output import write_bytes

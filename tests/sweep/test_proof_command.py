@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from test_sweep import divided
 
 from gearstab.cli import group
-from gearstab.cli.sweep.notes import percent, searched
+from gearstab.cli.messages import percent, searched
 from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries.damped import search
