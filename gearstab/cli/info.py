@@ -36,7 +36,7 @@ def command(
         say(json.dumps(known, indent=2, allow_nan=False) if as_json else result.report(known))
         return
     from gearstab.config import load
-    from gearstab.info import units
+    from gearstab.info import tables
     from gearstab.info.configuration import describe
     from gearstab.info.text import report
 
@@ -44,7 +44,7 @@ def command(
     warn(loaded)
     facts = describe(loaded, harmonics)
     if unit:
-        facts = units.shown_in(facts, unit[-1])
+        facts = tables.shown_in(facts, unit[-1])
     if as_json:
         say(json.dumps(facts, indent=2, allow_nan=False))
     else:

@@ -128,15 +128,15 @@ def uncertainty(config: Config, state: State, shown: ShownSpeeds) -> Iterator[Bl
 
 def _whirling(state: State, shown: ShownSpeeds) -> Iterator[Block]:
     """The motions of the mean system at both ends of the operating range, whose speeds of rotation they go with."""
-    from gearstab.info import rotations
+    from gearstab.info import speeds
 
     ends = min(span.low for span in state.spans), max(span.high for span in state.spans)
-    own = rotations.facts(state.system, list(ends))
+    own = speeds.rotation_facts(state.system, list(ends))
     if own is None:
         return
     yield Heading("Natural frequencies of the given design")
     yield Text(f"Damped ones of the mean system at both ends of the range, {shown.with_unit(*ends)}; whirl: the sense.")
-    header, rows = rotations.rows(own, [shown.with_unit(end) for end in ends], in_brackets(state.system, "rad/s"))
+    header, rows = speeds.rotation_rows(own, [shown.with_unit(end) for end in ends], in_brackets(state.system, "rad/s"))
     yield Table(header, rows[:MOST_MODES])
     if len(rows) > MOST_MODES:
         yield Text(f"and {len(rows) - MOST_MODES} more.")
