@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 import click
 
-from gearstab.cli.terminal.console import tell
+from gearstab.cli.terminal import tell
 from gearstab.errors import INTERRUPTED
 from gearstab.version import full_version
 
@@ -19,19 +19,19 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "V
 """The environment variables that say how many threads a BLAS library starts."""
 
 COMMANDS = {
-    "init": ("gearstab.cli.init:command", "Print a configuration to start from."),
-    "sweep": ("gearstab.cli.sweep.command:command", "Compute stability over the grid of a configuration."),
+    "init": ("gearstab.cli.configurations:init_command", "Print a configuration to start from."),
+    "sweep": ("gearstab.cli.sweep:command", "Compute stability over the grid of a configuration."),
     "plot": ("gearstab.cli.plot:command", "Draw a figure from a result file."),
     "info": ("gearstab.cli.info:command", "Show modes and tongues, or what a result holds."),
-    "diff": ("gearstab.cli.diff:command", "Compare two results."),
-    "check": ("gearstab.cli.check:command", "Validate a configuration; list every mistake."),
+    "diff": ("gearstab.cli.results:diff_command", "Compare two results."),
+    "check": ("gearstab.cli.configurations:check_command", "Validate a configuration; list every mistake."),
     "respond": ("gearstab.cli.respond:command", "Compute a time response."),
     "design": ("gearstab.cli.design:command", "Find a design without instability."),
     "report": ("gearstab.cli.report.command:command", "Write a report to forward."),
-    "verify": ("gearstab.cli.verify:command", "Prove the certificates of a result again."),
+    "verify": ("gearstab.cli.results:verify_command", "Prove the certificates of a result again."),
     "bench": ("gearstab.cli.bench:command", "Compare speed and error of the methods."),
-    "export": ("gearstab.cli.export:command", "Write a result file as tidy CSV."),
-    "schema": ("gearstab.cli.init:schema", "Print the JSON schema of configurations."),
+    "export": ("gearstab.cli.results:export_command", "Write a result file as tidy CSV."),
+    "schema": ("gearstab.cli.configurations:schema", "Print the JSON schema of configurations."),
 }
 """Command -> where it is, and what it does."""
 
@@ -72,7 +72,7 @@ class LazyGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; mistakes of the user are a line each, whatever part of the command finds them."""
-        from gearstab.cli.terminal.errors import user_errors
+        from gearstab.cli.terminal import user_errors
 
         with user_errors():
             return super().invoke(ctx)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gearstab.cli.terminal import options
-from gearstab.cli.terminal.console import say, tell
+from gearstab.cli import terminal
+from gearstab.cli.terminal import say, tell
 
 if TYPE_CHECKING:
     from gearstab.bench import Scene
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@options.config
-@options.output("Result file [default: results/NAME.bench.h5].")
-@options.overrides
+@terminal.config
+@terminal.output("Result file [default: results/NAME.bench.h5].")
+@terminal.overrides
 @click.option("--points", type=click.IntRange(1, 1000), default=8, show_default=True, help="Reference points.")
 @click.option("--seconds", type=click.FloatRange(0.0), default=1.0, show_default=True, help="Time for each setting.")
 @click.option("--no-plot", is_flag=True, help="Do not draw the work-precision diagram.")
-@options.quiet
+@terminal.quiet
 def command(
     config: Path,
     output: Path | None,

@@ -6,21 +6,20 @@ from pathlib import Path
 
 import click
 
-from gearstab.cli.terminal import options
-from gearstab.cli.terminal.console import say, tell
+from gearstab.cli import terminal
+from gearstab.cli.terminal import say, tell, warn
 
 
 @click.command(name="design", short_help="Find a design without instability.")
-@options.config
-@options.output("Result file [default: results/NAME.design.h5].")
-@options.overrides
-@options.quiet
+@terminal.config
+@terminal.output("Result file [default: results/NAME.design.h5].")
+@terminal.overrides
+@terminal.quiet
 def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet: bool) -> None:
     """Find the best values of the variables in the section `design` of CONFIG and write them to a file.
 
     Prints the answer in some ten lines.
     """
-    from gearstab.cli.terminal.errors import warn
     from gearstab.config import load
     from gearstab.design import check, design
     from gearstab.results import write_result

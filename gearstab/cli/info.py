@@ -7,17 +7,17 @@ from pathlib import Path
 
 import click
 
-from gearstab.cli.terminal import options
-from gearstab.cli.terminal.console import say
+from gearstab.cli import terminal
+from gearstab.cli.terminal import say, warn
 
 
 @click.command()
-@click.argument("config", metavar="CONFIG|RESULT", type=options.FILE)
-@options.overrides
+@click.argument("config", metavar="CONFIG|RESULT", type=terminal.FILE)
+@terminal.overrides
 @click.option(
     "--harmonics", type=click.IntRange(1, 50), help="List tongues up to this harmonic [default: as in CONFIG]."
 )
-@options.unit
+@terminal.unit
 @click.option("--all", "every", is_flag=True, help="List all predicted tongues, however many and closed.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
@@ -27,7 +27,6 @@ def command(
 
     Of a file RESULT: where it comes from, its groups, axes and variables.
     """
-    from gearstab.cli.terminal.errors import warn
     from gearstab.info import result
 
     if result.is_result(config):
@@ -37,7 +36,7 @@ def command(
         say(json.dumps(known, indent=2, allow_nan=False) if as_json else result.report(known))
         return
     from gearstab.config import load
-    from gearstab.info import units
+    from gearstab.info import tables
     from gearstab.info.configuration import describe
     from gearstab.info.text import report
 
@@ -45,7 +44,7 @@ def command(
     warn(loaded)
     facts = describe(loaded, harmonics)
     if unit:
-        facts = units.shown_in(facts, unit[-1])
+        facts = tables.shown_in(facts, unit[-1])
     if as_json:
         say(json.dumps(facts, indent=2, allow_nan=False))
     else:

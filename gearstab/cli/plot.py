@@ -6,21 +6,21 @@ from pathlib import Path
 
 import click
 
-from gearstab.cli.terminal import options
-from gearstab.cli.terminal.console import tell
+from gearstab.cli import terminal
+from gearstab.cli.terminal import tell
 from gearstab.plots import KINDS
 
 KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items())
 
 
 @click.command()
-@click.argument("result", type=options.FILE)
-@options.output("Figure: .png, .pdf or .svg, or a page to look around in: .html [default: RESULT with .png].")
+@click.argument("result", type=terminal.FILE)
+@terminal.output("Figure: .png, .pdf or .svg, or a page to look around in: .html [default: RESULT with .png].")
 @click.option("--kind", metavar="|".join(KINDS), help=f"What to draw [default: by what RESULT holds]. {KINDS_HELP}.")
 @click.option("--x", metavar="AXIS", help="Axis along x [default: mesh_frequency].")
 @click.option("--y", metavar="AXIS", help="Axis along y [default: epsilon, else the longest other axis].")
-@options.select
-@options.unit
+@terminal.select
+@terminal.unit
 @click.option("--variable", help="Variable to draw [default: growth_rate].")
 @click.option(
     "--level",
@@ -37,7 +37,7 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 @click.option(
     "--style", default="", metavar="NAME|FILE", help="A style of matplotlib, a style sheet, or latex: text by LaTeX."
 )
-@options.quiet
+@terminal.quiet
 @click.option("--dpi", type=click.IntRange(50, 2400), help="Resolution of pixels [default: 300].")
 def command(
     result: Path, output: Path | None, kind: str | None, x: str | None, y: str | None, select: tuple[str, ...],
@@ -58,7 +58,7 @@ def command(
     if not interactive:
         checked_extension(target)
     (PAGE if interactive else FIGURE).refuse(target, result)
-    chosen = options.selections(select)
+    chosen = terminal.selections(select)
     request = Request(
         x, y, chosen, variable, size, not no_title and (title or True), dpi, unit,
         levels=level, marks=points(mark), style=style,

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gearstab.cli.terminal import options
-from gearstab.cli.terminal.console import tell
+from gearstab.cli import terminal
+from gearstab.cli.terminal import tell, warn
 
 if TYPE_CHECKING:
     from gearstab.response import RampResponse, Response
@@ -17,13 +17,12 @@ if TYPE_CHECKING:
 
 
 @click.command(name="respond", short_help="Compute a time response.")
-@options.config
-@options.output("Result file [default: results/NAME.response.h5].")
-@options.overrides
-@options.quiet
+@terminal.config
+@terminal.output("Result file [default: results/NAME.response.h5].")
+@terminal.overrides
+@terminal.quiet
 def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet: bool) -> None:
     """Compute the response that the section `respond` of CONFIG describes and write it to a file."""
-    from gearstab.cli.terminal.errors import warn
     from gearstab.config import load
     from gearstab.response.command import respond
     from gearstab.results.output import prepare

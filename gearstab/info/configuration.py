@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gearstab.info import danger, periods, rotations, train
+from gearstab.info import danger, speeds, train
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -40,13 +40,13 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "unit": "" if "time" in system.dimensionless else "rad/s",
         "per_unit": 1.0,
         "meshes": [_mesh(system, i, orders) for i in range(len(system.whole_meshes))],
-        "faults": periods.faults(system, orders),
-        "common_period": periods.common_period(system),
-        "frequencies": periods.frequencies(config, system),
+        "faults": speeds.faults(system, orders),
+        "common_period": speeds.common_period(system),
+        "frequencies": speeds.frequencies(config, system),
         **_modes(system),
         "mean_system": _mean_system(system),
         "held_rotations": any(rotation.speed_ratio is None for rotation in system.rotations),
-        "rotations": rotations.facts(system, _frequency_range(config)),
+        "rotations": speeds.rotation_facts(system, _frequency_range(config)),
         "train": train.facts(config, system),
         "reductions": _reductions(system),
         "terms": [term.name for term in system.terms],

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gearstab.info import danger, periods, rotations, train
-from gearstab.info.tables import label_text, meshes_text, table
-from gearstab.info.units import over
+from gearstab.info import danger, speeds, train
+from gearstab.info.tables import label_text, meshes_text, over, table
 
 FEW_MESHES = 4
 """Up to so many meshes have columns of their own."""
@@ -49,12 +48,12 @@ def _heading(facts: dict[str, Any]) -> str:
     lines = [
         facts["title"],
         *_verdict(facts),
-        *rotations.verdict(facts),
+        *speeds.rotation_verdict(facts),
         "",
         f"system         {facts['kind']}, {len(facts['coordinates'])} coordinates: {', '.join(facts['coordinates'])}",
         *(f"{heading:<14} {said}" for heading, said in facts["summary"].items()),
         *_formulation(facts),
-        f"common period  {periods.text(facts['common_period'])}",
+        f"common period  {speeds.period_text(facts['common_period'])}",
     ]
     if facts["frequencies"] is not None:
         lines.append(f"floquet        {facts['frequencies']['chosen']}")
@@ -121,7 +120,7 @@ def _mesh_table(facts: dict[str, Any]) -> str:
         [_text(mesh[key]) for key in keys] + [_text(level) for level in mesh["stiffness"]] for mesh in facts["meshes"]
     ]
     found = table([*header, "highest"], rows)
-    return f"{found}\n\n{periods.weak_teeth(facts['faults'])}" if facts["faults"] else found
+    return f"{found}\n\n{speeds.weak_teeth(facts['faults'])}" if facts["faults"] else found
 
 
 def _train(facts: dict[str, Any]) -> str:
@@ -140,7 +139,7 @@ def _gears(names: Sequence[str]) -> dict[str, list[str]]:
 
 def _mode_table(facts: dict[str, Any]) -> str:
     lines = [train.modes(facts)] if facts["train"] else _mode_lines(facts)
-    lines += _mean_lines(facts) + rotations.text(facts)
+    lines += _mean_lines(facts) + speeds.rotation_text(facts)
     equal = facts["equal_frequencies"]
     if len(equal) > FEW_GROUPS:
         listed = "; ".join(" ".join(map(str, group)) for group in equal)

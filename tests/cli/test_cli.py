@@ -12,8 +12,7 @@ import pytest
 from scenes import ROOT, TRAIN, code, written
 
 from gearstab import __version__
-from gearstab.cli import COMMANDS, group, main
-from gearstab.cli.terminal import errors
+from gearstab.cli import COMMANDS, group, main, terminal
 from gearstab.sweep.progress import duration, octets, quantity
 
 HEAVY = {"numpy", "scipy", "pydantic", "h5py", "xarray", "matplotlib", "rich", "pint", "joblib", "ruamel", "h5netcdf"}
@@ -95,7 +94,7 @@ def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
 def test_our_own_errors_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
     @click.command()
     def command() -> None:
-        with errors.user_errors():
+        with terminal.user_errors():
             raise ZeroDivisionError
 
     monkeypatch.setattr(group, "get_command", lambda context, name: command)
@@ -129,7 +128,7 @@ def expected() -> list[tuple[Exception, int]]:
 
 @pytest.mark.parametrize(("error", "code"), expected(), ids=lambda value: type(value).__name__)
 def test_expected_errors_are_a_line_and_a_code(error: Exception, code: int, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(click.exceptions.Exit) as raised, errors.user_errors():
+    with pytest.raises(click.exceptions.Exit) as raised, terminal.user_errors():
         raise error
     assert raised.value.exit_code == code
     assert capsys.readouterr().err.count("\n") == 1
@@ -137,7 +136,7 @@ def test_expected_errors_are_a_line_and_a_code(error: Exception, code: int, caps
 
 def test_other_errors_of_those_kinds_keep_their_traceback() -> None:
     for error in (RuntimeError("Error calling __set_name__"), ImportError("no module named numpy")):
-        with pytest.raises(type(error)), errors.user_errors():
+        with pytest.raises(type(error)), terminal.user_errors():
             raise error
 
 

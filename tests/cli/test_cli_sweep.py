@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from scenes import TRAIN, code
 
-from gearstab.cli.terminal.console import tell
-from gearstab.cli.terminal.progress import Messages, reporter
+from gearstab.cli.messages import Messages, reporter
+from gearstab.cli.terminal import tell
 from gearstab.results import open_result
 from gearstab.sweep import pool
 from gearstab.sweep.progress import Bar

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 from scenes import CONFIGURATIONS
 
-from gearstab.cli.init import schema as command
+from gearstab.cli.configurations import schema as command
 from gearstab.config import load
 from gearstab.config.document.yaml import parse
 from gearstab.config.schema import schema

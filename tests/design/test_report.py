@@ -19,8 +19,7 @@ from scenes import CONFIGS, TRAIN, ran, written
 
 from gearstab.cli.report import contact, facts
 from gearstab.cli.report.content import page
-from gearstab.cli.report.html import html
-from gearstab.cli.report.page import BulletList, Heading, Page, Picture, Table, Text
+from gearstab.cli.report.page import BulletList, Heading, Page, Picture, Table, Text, html
 from gearstab.cli.report.pdf import MARGIN, PAPER, pdf, sheets
 from gearstab.config import load
 from gearstab.floquet import solve

@@ -18,7 +18,7 @@ from plot_results import planetary
 import gearstab as gs
 from gearstab.cli import group
 from gearstab.cli.plot import points
-from gearstab.cli.terminal.options import selections
+from gearstab.cli.terminal import selections
 from gearstab.errors import PlotError, ResultError, UserError
 from gearstab.info.result import describe, report
 from gearstab.plots import KINDS, draw

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from sweep_faults import CONFIG, faulty
 
-from gearstab.cli.sweep.command import forecast as dry_run
+from gearstab.cli.sweep import forecast as dry_run
 from gearstab.interrupts import heed
 from gearstab.methods import RANGE
 from gearstab.sweep import Plan, forecast, limits

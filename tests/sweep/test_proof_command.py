@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from test_sweep import divided
 
 from gearstab.cli import group
-from gearstab.cli.sweep.notes import percent, searched
+from gearstab.cli.messages import percent, searched
 from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries.damped import search
@@ -207,7 +207,7 @@ def solve_at(tree: xr.DataTree, row: int, omega: float) -> float:
 def test_a_curve_tints_what_is_proved(swept: tuple[Path, str]) -> None:
     tree = loaded(swept[0])
     figure, artists = draw(tree, "curve", select={"epsilon": "0.3"})
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["proved stable"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["unstable", "proved stable"]
     rates = tree["floquet"]["growth_rate"].sel(epsilon=0.3)
     for omega, rate in zip(rates["mesh_frequency"].values[1:-1:3], rates.values[1:-1:3], strict=True):
         if abs(rate) > 1e-4:

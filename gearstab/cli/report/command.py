@@ -9,27 +9,26 @@ from pathlib import Path
 
 import click
 
-from gearstab.cli.terminal import options
-from gearstab.cli.terminal.console import tell
+from gearstab.cli import terminal
+from gearstab.cli.terminal import tell, warn
 
 ENDINGS = (".html", ".pdf")
 
 
 @click.command(name="report", short_help="Write a report to forward.")
-@options.config
-@click.option("-o", "--output", type=options.FILE, required=True, help="Report: .html or .pdf, one file.")
-@options.overrides
-@options.unit
-@options.quiet
+@terminal.config
+@click.option("-o", "--output", type=terminal.FILE, required=True, help="Report: .html or .pdf, one file.")
+@terminal.overrides
+@terminal.unit
+@terminal.quiet
 def command(config: Path, output: Path, overrides: tuple[str, ...], unit: tuple[str, ...], quiet: bool) -> None:
     """Write a page on the instability of CONFIG over its operating range: what it is, what closes it, how sure that is.
 
     The range is that of the section `design`, whose best design is searched and proposed, else that of the sweep.
     """
     from gearstab.cli.report.content import page
-    from gearstab.cli.report.html import html
+    from gearstab.cli.report.page import html
     from gearstab.cli.report.pdf import pdf
-    from gearstab.cli.terminal.errors import warn
     from gearstab.config import load
     from gearstab.errors import OutputError
     from gearstab.results.output import FIGURES, RESULTS, TABLES, Content, write_bytes

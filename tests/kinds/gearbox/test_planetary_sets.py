@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 from scenes import DATA, problems, read
 
 from gearstab.floquet import solve
-from gearstab.info import periods
+from gearstab.info import speeds
 from gearstab.info import train as info_train
 from gearstab.modal import mean_modes, static_mesh_force
 from gearstab.rotation import factors
@@ -96,7 +96,7 @@ def test_info_tells_ratios_lags_and_the_common_period_of_the_reference(tmp_path:
     sweep = {"mesh_frequency": [100.0, 200.0]}
     config = read(tmp_path, as_text(configured(train, "pitch_point"), sweep=sweep, methods={"perturbation": {}}))
     system = build(config.system)
-    found = {"train": info_train.facts(config, system), "common_period": periods.common_period(system)}
+    found = {"train": info_train.facts(config, system), "common_period": speeds.common_period(system)}
     found = json.loads(json.dumps(found))
     rotors = {rotor["name"]: rotor["speed_ratio"] for rotor in found["train"]["rotors"]}
     rotors |= {f"{item['name']} planet": item["planet_speed_ratio"] for item in found["train"]["sets"]}

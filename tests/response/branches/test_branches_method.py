@@ -24,7 +24,7 @@ from gearstab.bench.branches import branch_cost
 from gearstab.config import ConfigError, load
 from gearstab.errors import ResultError
 from gearstab.info import result
-from gearstab.info.jumps import jumps
+from gearstab.info.result import jumps
 from gearstab.results import open_result
 from gearstab.results.display import in_display_units
 from gearstab.results.export import export

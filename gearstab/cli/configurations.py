@@ -1,4 +1,4 @@
-"""``gearstab check``: is a configuration right?"""
+"""``gearstab init``, ``schema`` and ``check``: a configuration to start from, what it may hold, whether it is right."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gearstab.cli.terminal import options
-from gearstab.cli.terminal.console import say, tell
-from gearstab.cli.terminal.errors import warn
+from gearstab.cli import terminal
+from gearstab.cli.terminal import say, tell, warn
 
 if TYPE_CHECKING:
-    from gearstab.config import Config, Problem
+    from click.shell_completion import CompletionItem
 
+    from gearstab.config import Config, Problem
 
 STANDARD_INPUT = "standard input"
 
 
 @click.command(name="check", short_help="Validate configurations.")
-@click.argument("configs", metavar="CONFIG...", type=options.FILE, nargs=-1, required=True)
-@options.overrides
+@click.argument("configs", metavar="CONFIG...", type=terminal.FILE, nargs=-1, required=True)
+@terminal.overrides
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, mistakes included; of several files a list.")
-def command(configs: tuple[Path, ...], overrides: tuple[str, ...], as_json: bool) -> None:
+def check_command(configs: tuple[Path, ...], overrides: tuple[str, ...], as_json: bool) -> None:
     """Validate every CONFIG (- is standard input): exit code 0, or 2 with every mistake at once, each with its line and
     what to do about it.
     """
@@ -104,3 +104,39 @@ def summary(config: Config) -> str:
         names = ", ".join(variable.name for variable in config.design.variables)
         parts.append(f"design of {names}")
     return "; ".join(parts)
+
+
+def kinds(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Complete the name of a kind."""
+    from click.shell_completion import CompletionItem
+
+    from gearstab.systems import KINDS
+
+    return [CompletionItem(name) for name in KINDS if name.startswith(incomplete)]
+
+
+@click.command(name="init", short_help="Print a configuration to start from.")
+@click.argument("kind", required=False, shell_complete=kinds)
+def init_command(kind: str | None) -> None:
+    """Print a commented configuration that runs, for a KIND of system: gearstab init two_stage > train.yaml.
+
+    Without KIND: print the kinds.
+    """
+    from gearstab.config.schema import commented, starts
+
+    if kind is None:
+        there = starts()
+        width = max(map(len, there))
+        say("\n".join(f"{name:<{width}}  {start.title}" for name, start in there.items()))
+    else:
+        say(commented(kind))
+
+
+@click.command(name="schema", short_help="Print the JSON schema of the configuration.")
+def schema() -> None:
+    """Print the JSON schema of the configuration, for completion and checks in an editor."""
+    import json
+
+    from gearstab.config.schema import schema as of_configurations
+
+    say(json.dumps(of_configurations(), indent=2, ensure_ascii=False))

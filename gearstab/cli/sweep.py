@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gearstab.cli.terminal import options
-from gearstab.cli.terminal.console import say, tell
-from gearstab.cli.terminal.errors import warn
+from gearstab.cli import terminal
+from gearstab.cli.terminal import say, tell, warn
 from gearstab.errors import CONDITION_MET
 
 if TYPE_CHECKING:
@@ -21,14 +20,14 @@ if TYPE_CHECKING:
 
 
 @click.command(name="sweep", short_help="Compute a grid.")
-@options.config
-@options.output("Result file [default: results/<CONFIG's name>.h5].")
+@terminal.config
+@terminal.output("Result file [default: results/<CONFIG's name>.h5].")
 @click.option("-j", "--jobs", type=click.IntRange(min=1), help="Threads or processes [default: one per processor].")
-@options.overrides
+@terminal.overrides
 @click.option(
     "--resume/--overwrite", default=None, help="Go on with what an interrupted run finished (default), or start anew."
 )
-@click.option("--extend", metavar="OLD.h5", type=options.FILE, help="Take over the points that an earlier result has.")
+@click.option("--extend", metavar="OLD.h5", type=terminal.FILE, help="Take over the points that an earlier result has.")
 @click.option(
     "--keep-going/--fail-fast",
     default=None,
@@ -50,7 +49,7 @@ if TYPE_CHECKING:
     "'regions'; repeatable.",
 )
 @click.option("--yes", is_flag=True, help="Begin a sweep of very many points, hours or gigabytes, too.")
-@options.quiet
+@terminal.quiet
 def command(
     config: Path,
     output: Path | None,
@@ -72,6 +71,7 @@ def command(
     """
     start = time.perf_counter()
     target = output or Path("results") / f"{config.stem}.h5"
+    from gearstab.cli import messages
     from gearstab.config import load
     from gearstab.info import outcome
     from gearstab.results.read import SWEEP, result_of
@@ -85,27 +85,24 @@ def command(
     outcome.refuse(config, conditions, [own.name for layout in planned.layouts for own in layout.method.variables()])
     if not quiet:
         warn(planned.config)
-        for note in notes(planned):
+        for note in filter(None, (layout.method.note() for layout in planned.layouts)):
             tell(f"note: {note}")
     if dry_run:
         say(forecast(planned, estimate(planned, jobs), target))
         return
-    from gearstab.cli.sweep import notes as remarks
-    from gearstab.cli.terminal.progress import reporter
-
-    told = reporter(quiet)
+    told = messages.reporter(quiet)
     wanted = planned if extend is None else grown(planned, extend, told)
     found = refuse(planned, target, jobs, yes)
     failures = {None: MOST_FAILURES, True: None, False: 1}[keep_going]
     summary = run(wanted, target, jobs, resume is True, resume is False, told, failures, scheduler, found)
     if not quiet:
         tell(final_line(target, summary, time.perf_counter() - start))
-        for line in remarks.searched(summary.searches):
+        for line in messages.searched(summary.searches):
             tell(line)
         if summary.certified is not None:
-            part = remarks.percent(summary.certified)
+            part = messages.percent(summary.certified)
             tell(f"certificates: {part} of the mesh frequencies; gearstab verify proves them")
-        for note in [] if summary.complete else remarks.notes(planned, summary):
+        for note in [] if summary.complete else messages.notes(planned, summary):
             tell(f"note: {note}")
     if as_json or conditions:
         judge(target, conditions, as_json)
@@ -137,12 +134,6 @@ def grown(plan: Plan, old: Path, told: Reporter) -> Plan:
     for text in words:
         told.message(text)
     return found
-
-
-def notes(plan: Plan) -> list[str]:
-    """Return notes on choices that were made automatically."""
-    found = [layout.method.note() for layout in plan.layouts]
-    return [note for note in found if note is not None]
 
 
 def final_line(target: Path, summary: Summary, seconds: float) -> str:

@@ -1,11 +1,15 @@
-"""Notes of ``gearstab sweep`` at its end on points whose answers need a word."""
+"""Messages of ``gearstab sweep``: its progress, and at its end notes on points whose answers need a word."""
 
 from __future__ import annotations
 
+import sys
 from math import floor
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from gearstab.cli.terminal import tell
+from gearstab.sweep import Reporter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -87,3 +91,23 @@ def teeth(plan: Plan) -> list[str]:
             if count:
                 found.append(f"teeth of mesh {mesh} {TEETH[name]}{where}; gearstab info tells more")
     return found
+
+
+class Messages(Reporter):
+    """Messages alone; none of them if ``quiet``."""
+
+    def __init__(self, quiet: bool = False) -> None:
+        self.quiet = quiet
+
+    def message(self, text: str) -> None:
+        if not self.quiet:
+            tell(text)
+
+
+def reporter(quiet: bool) -> Reporter:
+    """A bar if someone can see it."""
+    if quiet or not sys.stderr.isatty():
+        return Messages(quiet)
+    from gearstab.sweep.progress import Bar
+
+    return Bar(tell)

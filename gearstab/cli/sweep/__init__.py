@@ -1,1 +1,0 @@
-"""``gearstab sweep``: from a configuration to a result file."""

@@ -1,1 +1,0 @@
-"""Parts that commands share: options, output, errors and exit codes, progress."""
