@@ -157,5 +157,19 @@ def eigenvalues(matrix: Array) -> Array:
     given = np.ascontiguousarray(matrix, dtype=float)
     count, m = given.shape[:2]
     values = np.empty((count, m), dtype=complex)
-    library.eigenvalues(simd(), count, m, 0, count, given, values)
+    if given.size:
+        library.eigenvalues(simd(), count, m, 0, count, given, values)
     return values
+
+
+def exponentials(matrix: Array) -> Array:
+    """exp(A) of matrices ``(P, m, m)`` by scaling and squaring, each with the scaling it needs; NaN of one not finite.
+
+    Twelve terms of the Taylor polynomial by five products (Paterson & Stockmeyer 1973).
+    """
+    given = np.ascontiguousarray(matrix, dtype=float)
+    count, m = given.shape[:2]
+    result = np.empty(given.shape)
+    if given.size:
+        library.exponentials(simd(), count, m, 0, count, given, result)
+    return result

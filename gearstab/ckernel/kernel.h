@@ -193,6 +193,8 @@ struct level {
     /* Matrices first..last-1 of (count, m, m), of entries of about one: eigenvalues (count, m, 2), NaN where they are not
        found or a matrix is not finite. */
     int (*eigenvalues)(int64_t first, int64_t last, int64_t m, const double *matrix, double *values);
+    /* The same matrices, of any size: exp(A) (count, m, m); NaN of one that is not finite. */
+    int (*exponentials)(int64_t first, int64_t last, int64_t m, const double *matrix, double *result);
     /* Runs first..last-1 of RUN_OF_POINTS points of a row, row by row: omega (r, points) -> ln lambda of all
        multipliers (r, points, m, 2), however far they are apart; NaN where they are not found. */
     int (*exponents)(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,

@@ -40,8 +40,8 @@ PRAGMA_TARGET(TARGET)
 
 const struct level LEVEL = {LEVEL_NAME,   scan,         rates,       monodromy,      traces,     scan_damped,
                             spectra_new,  spectra_free, spectra_row, spectra_window, spectra_at, shares,
-                            symmetric,    moduli,       products,    radii,          eigenvalues,  exponents,
-                            graded};
+                            symmetric,    moduli,       products,    radii,          eigenvalues,  exponentials,
+                            exponents,    graded};
 
 #if defined(TARGET) && defined(__clang__)
 #pragma clang attribute pop

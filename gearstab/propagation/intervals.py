@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.ckernel import exponentials
 from gearstab.grouping import numbered
 from gearstab.interrupts import heed
 from gearstab.propagation import magnus
 from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import Excitation
 from gearstab.propagation.first_order import FirstOrder
-from gearstab.propagation.magnus import expm
 from gearstab.propagation.segment import augmented
 from gearstab.system import Array
 
@@ -99,7 +99,7 @@ class Exact:
         for i in range(0, len(fractions), count):
             heed()
             some = fractions[i : i + count, None, None, None] * generator
-            for e in expm(some.reshape(-1, *some.shape[2:])).reshape(some.shape):
+            for e in exponentials(some.reshape(-1, *some.shape[2:])).reshape(some.shape):
                 yield e[:, :m, :m], e[:, :m, m:] * size
 
     def across(self) -> Map:
@@ -180,7 +180,7 @@ class Stepped:
             nodes = (begin[part, None] + magnus.NODES * width[part, None]).ravel()
             tau = self.begin + nodes[:, None] * (self.end - self.begin)
             exponents, sizes = self._exponents(tau, width[part])
-            maps = expm(exponents.reshape(-1, m + 2, m + 2)).reshape(exponents.shape)
+            maps = exponentials(exponents.reshape(-1, m + 2, m + 2)).reshape(exponents.shape)
             for e, size in zip(maps, sizes, strict=True):
                 yield e[:, :m, :m], size * (e[:, :m, m] + points.omega[:, None] * e[:, :m, m + 1])
 

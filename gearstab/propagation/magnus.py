@@ -10,30 +10,17 @@ a polynomial of degree five in h, whose matrices do not depend on the mesh frequ
 A step in which A is constant is exact. Its error is of order h^7 a step and even: halving all steps gains a factor 64.
 
 Source: Blanes, Casas, Oteo & Ros 2009, Physics Reports 470, section 5.
-
-The exponentials of many small matrices at once, which take most of the time, are our own (:func:`expm`):
-scipy.linalg.expm goes from one matrix to the next, some six times slower for 400 matrices of order 2 or 4 and 1.2 to
-twice for orders of 8 to 26 (faster only for a single one), and takes half a second to import.
 """
 
 from __future__ import annotations
 
-from math import factorial
-
 import numpy as np
 
-from gearstab import ckernel
 from gearstab.system import Array
 
 ORDER = 6
 NODES = 0.5 + np.array([-1.0, 0.0, 1.0]) * np.sqrt(15) / 10
 """Gauss-Legendre nodes of a step."""
-
-DEGREE = 12
-"""Degree of the Taylor polynomial, evaluated with five products (Paterson & Stockmeyer 1973)."""
-REACH = 0.299
-"""The 1-norm up to which its backward error is below 2^-53 (Al-Mohy & Higham 2011, Table 3.1)."""
-_COEFFICIENTS = np.array([1.0 / factorial(k) for k in range(DEGREE + 1)])
 
 
 def polynomial(a: Array) -> Array:
@@ -65,46 +52,6 @@ def exponent(coefficients: Array, step: Array) -> Array:
     """W ``(..., m, m)`` of steps' coefficients ``(..., 5, m, m)`` and lengths ``(...)``."""
     powers = np.asarray(step)[..., None] ** np.arange(1, 6)
     return np.einsum("...p,...pij->...ij", powers, coefficients)
-
-
-def expm(matrix: Array) -> Array:
-    """exp(A) of ``(P, m, m)`` by scaling and squaring, each matrix with the scaling it needs.
-
-    Matrices that are not finite give NaN.
-    """
-    result = np.full_like(matrix, np.nan)
-    size = np.abs(matrix).sum(axis=-2).max(axis=-1)
-    known = np.isfinite(size)
-    halvings = np.zeros(len(matrix), dtype=int)
-    halvings[known] = np.maximum(0, np.ceil(np.log2(np.maximum(size[known], REACH) / REACH))).astype(int)
-    for count in np.unique(halvings[known]):
-        members = np.flatnonzero(known & (halvings == count))
-        power = _taylor(matrix[members] * 0.5**count)
-        with np.errstate(over="ignore", invalid="ignore"):
-            for _ in range(count):
-                power = power @ power
-        result[members] = power
-    return result
-
-
-def _taylor(a: Array) -> Array:
-    """sum_k a^k/k! up to DEGREE, as a cubic in a^4 whose coefficients are cubics in a."""
-    one = np.eye(a.shape[-1])
-    square = a @ a
-    powers = (one, a, square, square @ a)
-    fourth = square @ square
-    total = _COEFFICIENTS[12] * fourth
-    for start in (8, 4, 0):
-        part = sum(_COEFFICIENTS[start + k] * power for k, power in enumerate(powers))
-        total = total + part
-        if start:
-            total = total @ fourth
-    return np.asarray(total)
-
-
-def eigenvalues(matrix: Array) -> Array:
-    """Return all eigenvalues ``(P, m)``, complex, of matrices of entries of about one; NaN where one is not finite."""
-    return ckernel.eigenvalues(matrix) if matrix.shape[-1] else np.empty(matrix.shape[:2], dtype=complex)
 
 
 def product(matrices: Array) -> tuple[Array, Array]:

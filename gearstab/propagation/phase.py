@@ -21,6 +21,7 @@ from math import ceil
 
 import numpy as np
 
+from gearstab.ckernel import exponentials
 from gearstab.interrupts import heed
 from gearstab.propagation import magnus
 from gearstab.propagation.equation import Equation
@@ -120,7 +121,7 @@ class PhaseEquation(Equation):
                 size = np.abs(push).max(initial=1e-300)
                 a[:, :m, m] = push / size
             exponents = magnus.exponent(magnus.polynomial(a.reshape(-1, 3, *a.shape[1:])), duration[some] * self.rate)
-            for e in magnus.expm(exponents):
+            for e in exponentials(exponents):
                 yield e[:m, :m], size * e[:m, m:].sum(axis=1)
 
     def follow(self, path: Path, time: Array, start: Array) -> Array:

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.propagation.magnus import expm
+from gearstab.ckernel import exponentials
 from gearstab.system import Array
 
 ILL_CONDITIONED = 1e4
@@ -103,7 +103,7 @@ class States:
         for state in np.unique(which):
             own, eigen = which == state, self.each[state]
             if eigen is None:
-                found[own] = expm(self.generators[state] * duration[own, None, None])
+                found[own] = exponentials(self.generators[state] * duration[own, None, None])
             else:
                 found[own] = eigen.exponentials(0, duration[own])
         return found

@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from systems import pair, two_stage
 
 from gearstab.floquet import STATUS_FLAGS, solve
-from gearstab.floquet.kernel import c_kernel, damped, decision, factors, graded
+from gearstab.floquet.kernel import c_kernel, damped, decision, factors
 from gearstab.floquet.kernel.invariants import growth_of
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.mesh import Mesh
@@ -346,7 +346,7 @@ def test_graded_products_keep_the_smallest_multiplier():
     for k in range(rounds):
         triangle = np.triu(0.3 * rng.normal(size=(size, size)), 1) + np.diag(np.exp(logs))
         chain.append((q[(k + 1) % rounds] @ triangle @ q[k].T)[None])
-    found = np.sort(graded.log_multipliers(chain)[0].real)[::-1]
+    found = np.sort(c_kernel.graded(chain)[0].real)[::-1]
     np.testing.assert_allclose(found, logs * rounds, atol=1e-12 * rounds)
 
 

@@ -8,8 +8,8 @@ import numpy_kernel
 import pytest
 
 from gearstab.floquet.kernel import levels
+from gearstab.floquet.kernel.c_kernel import graded
 from gearstab.floquet.kernel.damped import Generators, factors, generators
-from gearstab.floquet.kernel.graded import log_multipliers as graded
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.mesh import Mesh
 from gearstab.system import Array, GearSystem

@@ -9,6 +9,7 @@ from functools import cache
 import mpmath as mp
 import numpy as np
 import numpy_kernel
+import orthogonal_iteration
 import pytest
 from oracle import assert_exponents_match, plain
 from oracle import solve as reference
@@ -17,7 +18,7 @@ from systems import damped_patterns, system, train
 
 from gearstab import ckernel
 from gearstab.floquet import solve
-from gearstab.floquet.kernel import c_kernel, damped, graded
+from gearstab.floquet.kernel import c_kernel, damped
 from gearstab.modal import modal_damping_matrix
 
 LEVELS = ckernel.library.levels()
@@ -27,7 +28,7 @@ LEVELS = ckernel.library.levels()
 def log_multipliers(request, monkeypatch):
     """ln lambda of given factors: NumPy's way and the compiled one at each level of vector instructions."""
     if request.param == "numpy":
-        return graded.log_multipliers
+        return orthogonal_iteration.log_multipliers
     monkeypatch.setenv("GEARSTAB_SIMD", request.param)
     return c_kernel.graded
 

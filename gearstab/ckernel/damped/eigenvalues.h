@@ -12,14 +12,8 @@ static int eigenvalues(int64_t first, int64_t last, int64_t m, const double *mat
     for (int64_t k = first; k < last && !gearstab_stopped(); k += LANES) {
         int64_t count = last - k < LANES ? last - k : LANES;
         int known[LANES];
-        for (int64_t lane = 0; lane < LANES; lane++) {
-            const double *own = matrix + (k + (lane < count ? lane : 0)) * m * m;
-            known[lane] = 1;
-            for (int64_t i = 0; i < m * m; i++)
-                known[lane] &= isfinite(own[i]);
-            for (int64_t i = 0; i < m * m; i++)
-                x[i][lane] = known[lane] ? own[i] : 0.0;
-        }
+        for (int64_t lane = 0; lane < LANES; lane++)
+            known[lane] = load_matrix(x, m, matrix + (k + (lane < count ? lane : 0)) * m * m, lane);
         reduce_to_hessenberg(x, m, work);
         hessenberg_eigenvalues(x, m, real, imaginary);
         for (int64_t lane = 0; lane < count; lane++)

@@ -1,12 +1,21 @@
 /* Exponentials of matrices, LANES of them side by side.
 
-   What gearstab/propagation/magnus.py does, the same step by step: every lane halves its matrix as often as it needs, so that
-   results do not depend on what else is computed. */
+   Every lane halves its matrix as often as it needs, so that results do not depend on what else is computed. */
 
 #ifndef GEARSTAB_EXPONENTIAL_H
 #define GEARSTAB_EXPONENTIAL_H
 
 enum { MOST_HALVINGS = 1000, LONG = 9 /* halvings from which on a square may overflow, or what decays vanish */ };
+
+/* Put a matrix (m, m) into a lane of x, or zeros where it is not finite; returns whether it is. */
+INLINE int load_matrix(vec *x, int64_t m, const double *matrix, int64_t lane) {
+    int known = 1;
+    for (int64_t i = 0; i < m * m; i++)
+        known &= isfinite(matrix[i]) != 0;
+    for (int64_t i = 0; i < m * m; i++)
+        x[i][lane] = known ? matrix[i] : 0.0;
+    return known;
+}
 
 /* result = x y for matrices of vectors. */
 INLINE void multiplied(const vec *x, const vec *y, int64_t m, vec *result) {
@@ -28,7 +37,8 @@ INLINE void divide_by_power(vec *x, int64_t m, vec *exponent) {
         x[i] = x[i] * factor;
 }
 
-#define TAYLOR_REACH 0.299 /* REACH of magnus.py: the 1-norm up to which twelve terms are exact to rounding */
+/* The 1-norm up to which the backward error of twelve terms is below 2^-53 (Al-Mohy & Higham 2011, Table 3.1). */
+#define TAYLOR_REACH 0.299
 
 /* 1/k!, up to the degree that REACH belongs to. */
 static const double TAYLOR[13] = {1.0,          1.0,           1.0 / 2,        1.0 / 6,         1.0 / 24,
@@ -97,6 +107,26 @@ static NOT_INLINED vec matrix_exponential(vec *a, int64_t m, vec *e, vec *work) 
     case 6: return matrix_exponential_of_size(a, 6, e, work);
     default: return matrix_exponential_of_size(a, m, e, work);
     }
+}
+
+static int exponentials(int64_t first, int64_t last, int64_t m, const double *matrix, double *result) {
+    void *memory;
+    vec *a = vectors(6 * m * m, &memory);
+    if (!a)
+        return -1;
+    vec *e = a + m * m, *work = e + m * m;
+    for (int64_t k = first; k < last && !gearstab_stopped(); k += LANES) {
+        int64_t count = last - k < LANES ? last - k : LANES;
+        int known[LANES];
+        for (int64_t lane = 0; lane < LANES; lane++)
+            known[lane] = load_matrix(a, m, matrix + (k + (lane < count ? lane : 0)) * m * m, lane);
+        vec exponent = matrix_exponential(a, m, e, work) / LOG_TWO;
+        for (int64_t lane = 0; lane < count; lane++)
+            for (int64_t i = 0; i < m * m; i++)
+                result[(k + lane) * m * m + i] = known[lane] ? ldexp(e[i][lane], (int)rint(exponent[lane])) : NAN;
+    }
+    free(memory);
+    return 0;
 }
 
 #endif

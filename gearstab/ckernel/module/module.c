@@ -84,6 +84,10 @@ FUNCTION(eigenvalues, "@cm!:c[dcmm][Zcm]") {
     return c->level->eigenvalues(c->first, c->last, c->n['m'], array(c, 0), array(c, 1));
 }
 
+FUNCTION(exponentials, "@cm!:c[dcmm][Dcmm]") {
+    return c->level->exponentials(c->first, c->last, c->n['m'], array(c, 0), array(c, 1));
+}
+
 FUNCTION(graded, "@c!m!:pp[dcpmm][Zpm]") {
     return c->level->graded(c->n['c'], c->n['m'], c->first, c->last, c->n['p'], array(c, 0), array(c, 1));
 }
@@ -166,6 +170,7 @@ static PyMethodDef METHODS[] = {
     {"trace_condition", py_trace_condition, METH_VARARGS, "trace_condition(count, n, rho, least, moved, apart)"},
     {"symmetric", py_symmetric, METH_VARARGS, "symmetric(level, count, n, matrix, values, vectors)"},
     {"eigenvalues", py_eigenvalues, METH_VARARGS, "eigenvalues(level, count, m, first, last, matrix, values)"},
+    {"exponentials", py_exponentials, METH_VARARGS, "exponentials(level, count, m, first, last, matrix, result)"},
     {"follow", py_follow, METH_VARARGS,
      "follow((size, width, meshes, functions, cells, order, degree, known, busiest, most_at_once, fine, most_halvings), "
      "(period, rate, tolerance, reach, penetration, rounding, grazing, at_once, largest, smallest), "

@@ -4,7 +4,7 @@ Piecewise constant A: exact products of exponentials (:mod:`~gearstab.floquet.ge
 Magnus steps that begin and end at all jumps and kinks (:mod:`~gearstab.floquet.general.stepped`).
 
 Eigenvalues of the product tell the small multipliers of a strongly damped period to eps times the largest one; where
-all exponents are wanted they are found from factors of the product (:mod:`gearstab.floquet.kernel.graded`). A
+all exponents are wanted they are found from factors of the product (:mod:`gearstab.floquet.kernel.factors`). A
 multiplier on the unit circle is there within rounding only, but for those of Hamiltonian systems, which Krein signs
 decide.
 """

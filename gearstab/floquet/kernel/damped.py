@@ -217,7 +217,5 @@ def exponential(generator: Generators, row: int, state: int, duration: Array) ->
     values = values - values.real.max()
     if not generator.well_conditioned[row]:
         shifted = generator.matrix[row, state] - generator.eigen[0][row, state].real.max() * np.eye(len(values))
-        from scipy.linalg import expm  # takes as long to load as a small sweep to run
-
-        return expm(shifted * duration[:, None, None])
+        return ckernel.exponentials(shifted * duration[:, None, None])
     return ((vectors * np.exp(values * duration[:, None])[:, None, :]) @ inverse).real

@@ -98,8 +98,8 @@ def log_multipliers_damped(
 ) -> Array:
     """ln lambda ``(r, P, m)`` of a damped pattern; the product is formed only where that costs no digits.
 
-    multipliers: of a product that is formed: ln max |lambda|, ln of its size, and lambda over that. of_factors: which
-    ``graded`` serves where :mod:`gearstab.floquet.kernel.levels` does not.
+    multipliers: of a product that is formed: ln max |lambda|, ln of its size, and lambda over that. of_factors: where
+    :mod:`gearstab.floquet.kernel.levels` does not serve.
     """
     logs = np.full((*omega.shape, generator.matrix.shape[-1]), np.nan, dtype=complex)
     decay = np.ptp(generator.eigen[0].real, axis=-1)[:, pattern.states]

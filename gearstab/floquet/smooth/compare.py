@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.ckernel import eigenvalues
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.invariants import DOUBTFUL, growth_of
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.solution import pieces
-from gearstab.propagation.magnus import eigenvalues
 from gearstab.system import Array
 
 EPSILON = float(np.finfo(float).eps)
@@ -83,7 +83,7 @@ def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> KernelAns
 
 
 def _complete(pattern: Pattern, omega: Array, verdict: Array, growth: Array, rho: Array, magnified: Array) -> None:
-    """Write the growth of points in doubt, which a kernel leaves open, in place, with the rounding errors of the largest
+    """Write the growth of points in doubt, left open by a kernel, in place, with the rounding errors of the largest
     multiplier.
 
     Where there are no traces, beyond a growth of ln LARGE a period, it comes from the scaled matrix.

@@ -6,9 +6,10 @@ The mathematics stands in gearstab/floquet/kernel/c_kernel.py and invariants.py.
 from __future__ import annotations
 
 import numpy as np
+import orthogonal_iteration
 from scipy.linalg import expm
 
-from gearstab.floquet.kernel import decision, factors, graded, invariants
+from gearstab.floquet.kernel import decision, factors, invariants
 from gearstab.floquet.kernel.damped import Generators, exponential
 from gearstab.floquet.kernel.factors import rotation
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, UNSTABLE, growth_of
@@ -196,7 +197,7 @@ def exponents(item: GearSystem, omega: Array) -> Array:
     for pattern in prepare(item):
         for row, place in enumerate(pattern.rows):
             unit = pattern.elastic.rate[row]
-            logs = graded.log_multipliers(factors.factors(pattern, row, omega / unit))
+            logs = orthogonal_iteration.log_multipliers(factors.factors(pattern, row, omega / unit))
             period = 2 * np.pi * pattern.cycles * unit / omega
             found[place] = (logs / period[:, None] - pattern.elastic.shift[row]) * unit
     return np.stack([own for own in found if own is not None])
@@ -238,7 +239,9 @@ def scan_damped(pattern: Succession, generator: Generators, omega: Array) -> tup
 
 def log_multipliers_damped(pattern: Succession, generator: Generators, omega: Array) -> Array:
     """ln lambda ``(r, P, m)``."""
-    return factors.log_multipliers_damped(pattern, generator, omega, multipliers_damped, graded.log_multipliers)
+    return factors.log_multipliers_damped(
+        pattern, generator, omega, multipliers_damped, orthogonal_iteration.log_multipliers
+    )
 
 
 def trace_change(rho: Array, other: Array, weight: float) -> tuple[Array, Array]:

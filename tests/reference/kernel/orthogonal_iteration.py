@@ -13,8 +13,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gearstab.interrupts import heed
-from gearstab.system import Array
+Array = np.ndarray
 
 ROUNDS = 16
 """At first. Two levels are separate when their growths a round differ by ln(1e17)/(ROUNDS - 2): the rounds then reduced
@@ -70,7 +69,6 @@ def _iterated(factors: Sequence[Array], basis: Array, done: int, rounds: int) ->
 def _round(factors: Sequence[Array], basis: Array) -> Iterator[tuple[Array, Array]]:
     """Q_{s+1} and R_s of each factor."""
     for factor in factors:
-        heed()
         basis, triangle = np.linalg.qr(factor @ basis)
         yield basis, triangle
 
