@@ -223,6 +223,13 @@ class FirstOrder:
         """Some of the rows, by position."""
         return replace(self, **{name: part[index] for name, part in vars(self).items() if part is not None})
 
+    def only(self, kept: Array) -> FirstOrder:
+        """The same of some of the state's components, ``(m,)`` bool, which the others do not act on."""
+        square = {name: getattr(self, name) for name in ("constant", "parts", "by_speed", "by_rate")}
+        own = {name: part[..., kept, :][..., kept] for name, part in square.items() if part is not None}
+        reached = {name: getattr(self, name)[..., kept] for name in ("outlet", "speed")}
+        return replace(self, inlet=self.inlet[:, kept], **reached, **own)
+
     @classmethod
     def joined(cls, parts: Sequence[FirstOrder]) -> FirstOrder:
         """All rows of several that have the same coordinates and laws."""

@@ -20,10 +20,11 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from gearstab.floquet.boundaries import smooth
 from gearstab.floquet.boundaries.counting.krein import spectrum
-from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fastest
+from gearstab.floquet.boundaries.damped.search import NO_GROWTH, Limits, SearchResult, fastest
 from gearstab.floquet.boundaries.gyroscopic import search as gyroscopic
 from gearstab.floquet.boundaries.parts import Part
 from gearstab.floquet.general.canonical import CanonicalPeriods
@@ -45,6 +46,8 @@ from gearstab.system import Array, GearSystem
 Verdict = Callable[[Array, Array], Array]
 """Which points (row, cycle) are stable."""
 
+UNCOUPLED = 1e-13
+"""Part of the largest entry of a matrix below which one is rounding."""
 COARSEST, FINEST = 2, 12
 """Doublings of the first number of steps, one in each smooth interval, that are tried."""
 
@@ -72,6 +75,23 @@ class PeriodicPart:
     def hamiltonian(self) -> Array:
         """``(r,)``: which rows are Hamiltonian at all mesh frequencies."""
         return self.canonical(CF6_5, 0).hamiltonian(self.speeds / self.part.pattern.elastic.rate[:, None])
+
+    def driven(self) -> PeriodicPart:
+        """The same without coordinates that nothing couples with what varies, and that do not grow: on these exponents
+        of a constant system depend no edge, no step of a scan and no proof.
+        """
+        form, n = FirstOrder.joined([row.form for row in self.rows]), self.rows[0].form.elastic
+        varying = form.parts if form.by_speed is None else np.concatenate([form.parts, form.by_speed], axis=1)
+        touched = _entries(varying)
+        number = connected_components(touched | _entries(form.constant[:, None]), directed=False)[1]
+        kept = np.isin(number, number[touched.any(axis=0) | touched.any(axis=1)])
+        left = np.linalg.eigvals(form.constant[:, ~kept][:, :, ~kept]).real
+        if kept.all() or not kept.any() or left.max() > NO_GROWTH:
+            return self
+        rows = [replace(row, form=row.form.only(kept), elastic=row.elastic[kept[:n]]) for row in self.rows]
+        own = self.part.pattern
+        part = _part(own.rows, own.cycles, int(kept[:n].sum()), own.elastic.rate, own.elastic.rigid_exponents)
+        return replace(self, part=part, rows=rows)
 
     def canonical(self, scheme: Scheme, doublings: int) -> CanonicalPeriods:
         """Their common periods, of 2^doublings steps in each interval that is not constant."""
@@ -118,6 +138,22 @@ class PeriodicPart:
         return fastest(Generators(mean[:, None]), self.part.pattern.size)
 
 
+def _entries(matrices: Array) -> Array:
+    """``(m, m)``: which entries are more than rounding in any of the matrices ``(r, J, m, m)``."""
+    size = np.abs(matrices)
+    return np.asarray((size > UNCOUPLED * size.max(axis=(2, 3), keepdims=True, initial=0.0)).any(axis=(0, 1)))
+
+
+def _part(rows: Array, cycles: float, n: int, rate: Array, rigid_exponents: Array) -> Part:
+    """Rows of n elastic coordinates, of whose pattern only sizes and units mean anything."""
+    r = len(rows)
+    none, whole = np.zeros(r), np.zeros((r, n, n))
+    elastic = Elastic(rows, rate, whole, np.zeros((r, 0, n)), None, none, rigid_exponents, whole[:, :0])
+    unit, levels = np.ones((r, 1)), np.zeros((r, 1, 0))
+    pattern = Pattern(rows, cycles, unit, none, np.zeros(1, dtype=int), levels, elastic, whole[:, None])
+    return Part(pattern, n, np.tile(np.arange(n), (r, 1)), 1)
+
+
 def weights(fractions: Array, states: Array) -> Array:
     """``(r, D)``: how long each state is there."""
     result = np.zeros((len(fractions), int(states.max(initial=0)) + 1))
@@ -133,14 +169,10 @@ def parts(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, bo
     sizes = np.stack([still, [row.size for row in rows]], axis=1)
     varies, speeds = varying(plan), np.geomspace(limits.start, limits.stop, smooth.PILOTS)
     for members, (rigid, _) in equal_rows(sizes):
-        n, r = system.size - int(rigid), len(members)
         own = [rows[k] for k in members]
-        none, whole = np.zeros(r), np.zeros((r, n, n))
         rate, exponents = np.array([g.rate for g in own]), np.stack([g.rigid_exponents for g in own])
-        elastic = Elastic(members, rate, whole, np.zeros((r, 0, n)), None, none, exponents, whole[:, :0])
-        unit, levels = np.ones((r, 1)), np.zeros((r, 1, 0))
-        pattern = Pattern(members, cycles, unit, none, np.zeros(1, dtype=int), levels, elastic, whole[:, None])
-        found = PeriodicPart(Part(pattern, n, np.tile(np.arange(n), (r, 1)), 1), own, plan, varies, speeds)
+        part = _part(members, cycles, system.size - int(rigid), rate, exponents)
+        found = PeriodicPart(part, own, plan, varies, speeds)
         canonical = found.hamiltonian
         for flag in (True, False):
             if np.any(canonical == flag):
@@ -150,11 +182,13 @@ def parts(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, bo
 def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, Chain, SearchResult]]:
     """Parts of all rows, chains from which their regions may be named, and what is found out about them."""
     for own, canonical in parts(system, limits):
+        driven = own.driven()
         if own.varies.any():
-            yield own, *_controlled(own, limits, canonical)
+            doublings, found = _controlled(driven, limits, canonical)
+            # Names need few digits, and segments that follow each other.
+            yield own, own.flow(CF4_2, doublings), found
         else:
-            found, _ = _search(own, 0, limits, canonical, ROUNDING)
-            yield own, own.flow(CF6_5, 0), found
+            yield own, own.flow(CF6_5, 0), _search(driven, 0, limits, canonical, ROUNDING)[0]
 
 
 def _search(
@@ -173,8 +207,11 @@ def _search(
     return found, lambda row, cycle: np.asarray(c_points.moduli(half, row, cycle)[:, 0] <= 0)
 
 
-def _controlled(own: PeriodicPart, limits: Limits, canonical: bool) -> tuple[Chain, SearchResult]:
-    """The same where the number of steps has to be found; the edges' brackets contain the error of the steps."""
+def _controlled(own: PeriodicPart, limits: Limits, canonical: bool) -> tuple[int, SearchResult]:
+    """The same where the number of steps has to be found; the edges' brackets contain the error of the steps.
+
+    Returns: (doublings of the steps that names need, the result).
+    """
     first = np.array([resolution(own, limits, CF6_5, np.pi * limits.tolerance, canonical)])
     control = StepControl(first, first + smooth.ATTEMPTS, limits.tolerance, CF6_5.order)
     for doublings, _ in control:
@@ -182,9 +219,9 @@ def _controlled(own: PeriodicPart, limits: Limits, canonical: bool) -> tuple[Cha
         found, stable = _search(own, doublings, limits, canonical, max(ROUNDING, limits.tolerance))
         error = smooth.edge_errors(found.intervals, stable, limits.tolerance)
         control.judge(error.max(initial=0.0))
-    # Names need few digits, and segments that follow each other.
-    rough = own.flow(CF4_2, resolution(own, limits, CF4_2, smooth.ROUGH, canonical))
-    return rough, replace(found, intervals=smooth.widened(found.intervals, error))
+    return resolution(own, limits, CF4_2, smooth.ROUGH, canonical), replace(
+        found, intervals=smooth.widened(found.intervals, error)
+    )
 
 
 def resolution(own: PeriodicPart, limits: Limits, scheme: Scheme, tolerance: float, canonical: bool) -> int:

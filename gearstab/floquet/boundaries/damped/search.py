@@ -34,7 +34,7 @@ COARSEST, FINEST, EQUAL = 200, 50_000, 10_000
 EVALUATIONS, SPECTRA = 75, 25
 """Growth rates, and spectra, that a meeting of multipliers takes with the edges beside it, medians of 31 random trains:
 30 to 170, and 7 to 66; half of the rates and two thirds of the spectra beside edges."""
-MEETINGS, PURSUIT = 1_700, 27.0
+MEETINGS, PURSUIT = 1_700, 50.0
 """Meetings of a row, and budgets for these, up to which they are pursued."""
 PATIENCE = 20.0
 """Budgets of a scan with the step set by damping where generators go with the mesh frequency, so that points cost
