@@ -28,6 +28,7 @@ well it was computed. What L may be off is added. G_i are enclosed in balls (pyt
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from flint import arb, ctx
@@ -86,7 +87,7 @@ def _falls(flow: Flow, carried: Carried, middles: Array, radii: Array, scale: fl
 
 def _joined(ends: Array, where: Array, lengths: Array, forms: Array) -> bool:
     """Whether P is symmetric and continuous, and the steps, fractions of powers of 2, make up the segment."""
-    pairs: Iterable[tuple[Array, Array]] = (
+    pairs: Iterable[tuple[Any, Any]] = (
         (forms, np.swapaxes(forms, -1, -2)), (forms[0, 3], ends[where + 1]), (forms[-1, 0], ends[where]),
         (forms[:-1, 0], forms[1:, 3]), (np.frexp(lengths)[0], np.full(len(lengths), 0.5)), (lengths.sum(), 1.0),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""A claim is proved: by Theorems 3 and 4 without coordinates (counting.py, lyapunov.py), by 1 and 2 with (verifier.py)."""
+"""A claim is proved by one of four theorems: 1 and 2 in verifier.py, 3 in counting.py, 4 in lyapunov.py."""
 
 from __future__ import annotations
 

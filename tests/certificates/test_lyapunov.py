@@ -57,7 +57,7 @@ def test_a_piece_reaches_to_the_edge_but_not_over_it() -> None:
         low, high = (middle, high) if multipliers(known, middle)[0] < 1 else (low, middle)
     # Damping narrows the region from 1.8058 on.
     assert edge(0.3, 1.6, 1.95) < low < 1.82
-    assert decays(known, low * (1 - 2e-4), low * (1 - 1e-4))
+    assert decays(known, low * (1 - 2.4e-4), low * (1 - 2e-4))
     for ends in ((1 - 1e-4, 1 + 1e-6), (1 - 1e-4, 1 + 1e-3), (1 - 0.1, 1 + 1e-3), (1 + 1e-6, 1 + 1e-4)):
         assert not decays(known, low * ends[0], low * ends[1])
 

@@ -259,7 +259,7 @@ def test_the_proof_imports_nothing_of_the_program() -> None:
     """The verifier needs python-flint, NumPy, a chooser of coordinates and polynomials of matrices; what makes its
     matrices the verifier.
     """
-    library = {"__future__", "collections.abc", "dataclasses", "functools", "math", "numpy", "flint"}
+    library = {"__future__", "collections.abc", "dataclasses", "functools", "math", "numpy", "flint", "typing"}
     names = ("choices", "verifier", "polynomials", "roots", "counting", "carried", "lyapunov")
     choosing, proving, algebra, zeros, numbers, forms, falling = (f"gearstab.certificates.{name}" for name in names)
     table = (
