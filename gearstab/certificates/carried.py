@@ -18,7 +18,7 @@ Key = tuple[int, float]
 TERMS, SMALL, DOUBLINGS = 10, 0.25, 14
 """Terms of a series; size of a matrix up to which it is summed; periods, as a power of 2, after which nothing is left.
 """
-COARSE, FINE, LEAST, DEEPEST, AT_ONCE = 80.0, 8.0, 1e-3, 12, 2**22
+COARSE, FINE, LEAST, DEEPEST, AT_ONCE = 100.0, 8.0, 1e-3, 12, 2**19
 """Scales of steps; least damping ratio that they go by; halvings of a segment at most; numbers of P at once."""
 UNDAMPED = 1e-3
 """Part of the largest loss that a mode without damping of its own has."""

@@ -67,7 +67,7 @@ def _falls(flow: Flow, carried: Carried, middles: Array, radii: Array, scale: fl
     ends = carried.ends
     if len(ends) != len(flow.states) + 1 or not np.array_equal(ends[0], ends[-1]):
         return False
-    if not _definite(ends[:1], np.zeros(1)):
+    if not _definite(ends[:1].copy(), np.zeros(1)):
         return False
     sorts: dict[tuple[int, float], list[int]] = {}
     for k, key in enumerate(zip(flow.states, flow.fractions, strict=True)):
@@ -96,32 +96,37 @@ def _joined(ends: Array, where: Array, lengths: Array, forms: Array) -> bool:
 
 def _falls_inside(lengths: Array, forms: Array, generators: Array, radii: Array) -> bool:
     """Whether all -(D_j + h (G_i^T P_j + P_j G_i)) are positive definite. generators ``(I, m, m)``, of the segment."""
-    m, size, own = forms.shape[-1], _size(forms), lengths[:, None, None, None]
+    m, size, own = forms.shape[-1], _size(forms), -lengths[:, None, None, None]
     first, second, third, last = np.moveaxis(forms, 1, 0)
     slopes = 3 * (second - first), 2 * third - second - first, last + third - 2 * second, 3 * (last - third)
     rounded = 2 * SPARE * ROUNDING * size.sum(axis=1)
     for generator, radius in zip(generators, radii, strict=True):
         off = float(_size(generator)) * (m + SPARE) * ROUNDING + radius
         for j, slope in enumerate(slopes):
-            half = forms[:, j] @ generator * own
-            error = 2 * off * lengths[:, None] * size[:, j] + rounded
-            if not _definite(-(slope + half + np.swapaxes(half, -1, -2)), error):
+            half = forms[:, j] @ generator
+            half *= own
+            found = half + np.swapaxes(half, -1, -2)
+            found -= slope
+            if not _definite(found, 2 * off * lengths[:, None] * size[:, j] + rounded):
                 return False
     return True
 
 
 def _definite(matrices: Array, error: Array) -> bool:
-    """Whether all symmetric matrices that are no farther from these than an error are positive definite."""
+    """Whether all symmetric matrices that are no farther from these than an error are positive definite. They are
+    changed.
+    """
     count, diagonal = (matrices.shape[-1] + SPARE) * ROUNDING, np.einsum("...ii->...i", matrices)
     shift = 2 * error + 4 * count * np.abs(diagonal).sum(axis=-1) + TINY
-    shifted = matrices - shift[..., None, None] * np.eye(matrices.shape[-1])
+    rounded = _size(matrices) + shift
+    diagonal -= shift[..., None]  # a view of the matrices
     try:
-        root = np.linalg.cholesky(shifted)
+        root = np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:
         return False
-    rest = _size(shifted - root @ np.swapaxes(root, -1, -2))
-    rest += count * (_size(root) ** 2 + _size(matrices) + shift) + error
-    return bool((1.001 * rest < shift).all())
+    rest = root @ np.swapaxes(root, -1, -2)
+    rest -= matrices
+    return bool((1.001 * (_size(rest) + count * (_size(root) ** 2 + rounded) + error) < shift).all())
 
 
 def _size(matrices: Array) -> Array:
