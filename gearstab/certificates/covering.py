@@ -10,11 +10,12 @@ from scipy.optimize import brentq
 
 from gearstab.certificates.counting import Counter
 from gearstab.certificates.equations import flow
+from gearstab.certificates.lyapunov import decays
 from gearstab.certificates.making import Maker
-from gearstab.certificates.proof import counter
+from gearstab.certificates.proof import LONG, counter
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import gaps
-from gearstab.certificates.verifier import COUNTED, Array, Certificate, Flow, proves
+from gearstab.certificates.verifier import CARRIED, COUNTED, Array, Certificate, Flow, proves
 from gearstab.system import GearSystem
 
 LEFT = 4e-4
@@ -25,6 +26,8 @@ MOST = 1e-4
 """The largest, also where no edges share LEFT: shorter pieces are tried before a part is left."""
 NARROW = 0.05
 """Part of an interval that is given up at each of its ends, at most."""
+SHORTEST = 0.1
+"""A piece of Theorem 4 is not halved further, as part of the width that is given up at an edge."""
 BESIDE = 0.1
 """Width given up beside multipliers that cross the circle in an unstable interval, as part of that at an edge."""
 SAMPLES = 32
@@ -66,11 +69,31 @@ def _of_row(known: Flow, ends: Array) -> list[Certificate]:
         counted = [] if counting is None else _without_coordinates(counting, low, high, least)
         left = gaps(np.array([(piece.low, piece.high) for piece in counted]).reshape(-1, 2), low, high)
         left = left[left[:, 1] > left[:, 0] * (1 + least)]
+        if len(left) and known.form is None and len(known.states) > LONG:
+            counted += _decaying(known, left, least)
+            left = gaps(np.array([(piece.low, piece.high) for piece in counted]).reshape(-1, 2), low, high)
+            left = left[left[:, 1] > left[:, 0] * (1 + least)]
         if len(left):
             maker = Maker(known, least)
             for start, stop in left.tolist():
                 counted += maker.cover(start, stop, (edges[0] and start == low, edges[1] and stop == high))
         found += sorted(counted, key=lambda piece: piece.low)
+    return found
+
+
+def _decaying(known: Flow, left: Array, least: float) -> list[Certificate]:
+    """Pieces of stable intervals by Theorem 4: the whole, or halves where these are not proved."""
+    maker, parts, found = Maker(known, least), [], []
+    for low, high in left.tolist():
+        if (claim := maker.proposal(low, high)) is not None and claim.outside == 0:
+            parts.append((low, high))
+    while parts:
+        low, high = parts.pop()
+        if decays(known, low, high):
+            found.append(Certificate(low, high, 0, CARRIED, np.zeros((0, 0))))
+        elif high > low * (1 + SHORTEST * least):
+            middle = float(np.sqrt(low * high))
+            parts += [(low, middle), (middle, high)]
     return found
 
 

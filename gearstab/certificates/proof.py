@@ -1,4 +1,4 @@
-"""A claim is proved: by Theorem 3 without coordinates (counting.py), by Theorems 1 and 2 with them (verifier.py)."""
+"""A claim is proved by one of four theorems: 1 and 2 in verifier.py, 3 in counting.py, 4 in lyapunov.py."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.certificates.counting import Counter
-from gearstab.certificates.verifier import COUNTED, Certificate, Flow, proves
+from gearstab.certificates.lyapunov import decays
+from gearstab.certificates.verifier import CARRIED, COUNTED, Certificate, Flow, proves
 
 MANY, LONG = 10, 100
-"""States and segments up to which Theorem 3 is cheaper."""
+"""States and segments up to which Theorem 3 is cheaper; beyond so many segments Theorem 4 is cheaper than 1."""
 
 
 def counter(flow: Flow) -> Counter | None:
@@ -36,6 +37,8 @@ class Proof:
 
     def __call__(self, piece: Certificate) -> bool:
         """Whether the claim of a piece is proved; False for everything else, be the piece malformed."""
+        if piece.rate == CARRIED:
+            return piece.outside == 0 and decays(self.flow, piece.low, piece.high)
         if piece.rate != COUNTED:
             return proves(self.flow, piece)
         if self.counter is None or piece.outside not in (0, 1) or not 0 < piece.low <= piece.high < np.inf:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gearstab.certificates.verifier import COUNTED, Array, Certificate
+from gearstab.certificates.verifier import Array, Certificate
 
 
 def entries(m: int) -> list[str]:
@@ -22,7 +22,7 @@ def packed(pieces: Sequence[Certificate], m: int) -> tuple[Array, Array]:
     for line, piece in zip(numbers, pieces, strict=True):
         line[:2] = piece.outside, piece.rate
         line[2 : 2 + len(piece.separators)] = piece.separators
-        if piece.rate != COUNTED:
+        if piece.rate >= 0:
             line[-m * m :] = piece.coordinates.ravel()
     return ends, numbers
 

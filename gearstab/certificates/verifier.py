@@ -63,8 +63,8 @@ from gearstab.certificates.polynomials import (
 Array = np.ndarray
 Key = tuple[int, float]
 
-PRECISION, DEGREE, GENTLE, COUNTED = 64, 4, 0.1, -1.0
-"""Bits of the midpoints; degree of the Taylor polynomials, sum of |B| below which it is 2; rate of Theorem 3."""
+PRECISION, DEGREE, GENTLE, COUNTED, CARRIED = 64, 4, 0.1, -1.0, -2.0
+"""Bits of midpoints; degree of Taylor polynomials, sum of |B| below which it is 2; rates of Theorems 3 and 4."""
 LONGEST, MOST, ENDLESS = 0.4, 16, 1000.0
 """Sum of |B|, and number, beyond which a part ends: radii grow with each segment. Sum of |B| of too long a piece."""
 
@@ -95,8 +95,8 @@ class Step:
 
 @dataclass(frozen=True)
 class Certificate:
-    """A claim for low <= Omega <= high: growth if outside = k > 0, else stability; rate r, 0 for Theorem 2, COUNTED for
-    Theorem 3 (counting.py); coordinates X_1 ``(m, m)``; separators, the zeros of p.
+    """A claim for low <= Omega <= high: growth if outside = k > 0, else stability; rate r, 0 for Theorem 2, COUNTED
+    and CARRIED for those of counting.py and lyapunov.py; coordinates X_1 ``(m, m)``; separators, the zeros of p.
     """
 
     low: float

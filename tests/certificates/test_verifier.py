@@ -13,7 +13,7 @@ from scipy.linalg import expm
 
 pytest.importorskip("flint")
 
-from gearstab.certificates import choices, counting, equations, polynomials, proof, roots, verifier
+from gearstab.certificates import carried, choices, counting, equations, lyapunov, polynomials, proof, roots, verifier
 from gearstab.certificates.equations import Segments, flow
 from gearstab.certificates.making import Maker
 from gearstab.certificates.polynomials import near
@@ -259,13 +259,13 @@ def test_the_proof_imports_nothing_of_the_program() -> None:
     """The verifier needs python-flint, NumPy, a chooser of coordinates and polynomials of matrices; what makes its
     matrices the verifier.
     """
-    library = {"__future__", "collections.abc", "dataclasses", "functools", "math", "numpy", "flint"}
-    choosing, proving, algebra, zeros, numbers = (
-        f"gearstab.certificates.{name}" for name in ("choices", "verifier", "polynomials", "roots", "counting")
-    )
+    library = {"__future__", "collections.abc", "dataclasses", "functools", "math", "numpy", "flint", "typing"}
+    names = ("choices", "verifier", "polynomials", "roots", "counting", "carried", "lyapunov")
+    choosing, proving, algebra, zeros, numbers, forms, falling = (f"gearstab.certificates.{name}" for name in names)
     table = (
         (choices, set()), (polynomials, set()), (roots, set()), (verifier, {choosing, algebra}),
-        (equations, {proving, algebra}), (counting, {choosing, algebra, zeros, proving}), (proof, {numbers, proving}),
+        (equations, {proving, algebra}), (counting, {choosing, algebra, zeros, proving}), (carried, set()),
+        (lyapunov, {choosing, forms, algebra, proving}), (proof, {numbers, falling, proving}),
     )  # fmt: skip
     for module, allowed in table:
         nodes = [node for node in ast.walk(ast.parse(getsource(module))) if isinstance(node, KINDS)]
