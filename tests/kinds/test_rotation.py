@@ -243,30 +243,6 @@ def test_a_method_that_does_not_declare_it_refuses(name: str) -> None:
 BASE: dict[str, Any] = section(RANDOM[0]["system"])
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (
-            {"gyroscopic": [[0, 1.0], [-1.1, 0]]},
-            "rotation.0.gyroscopic.0.1: must be skew: entry 0.1 is 1, entry 1.0 is -1.1",
-        ),
-        ({"gyroscopic": [[0.5, 1.0], [-1.0, 0]]}, "rotation.0.gyroscopic.0.0: must be skew"),
-        ({"centripetal": [[-1, 0.2], [0.1, -1]]}, "rotation.0.centripetal.0.1: must be symmetric"),
-        ({"gyroscopic": [[0, 1]]}, "rotation.0.gyroscopic: has 1 rows"),
-        ({"speed": "30 rpm"}, "rotation.0.speed: speed_ratio is given already"),
-        ({"speed_ratio": None}, "speed_ratio or speed is missing"),
-        ({"speed_ratio": 0.123456}, "the ratio must be exact"),
-        ({"gyroscopic": None}, "has no matrix"),
-    ],
-)
-def test_mistakes_get_a_line(change: dict[str, Any], said: str) -> None:
-    rotation = {key: value for key, value in (BASE["rotation"] | change).items() if value is not None}
-    with pytest.raises(ConfigError) as raised:
-        load({"system": BASE | {"rotation": rotation}})
-    assert said in str(raised.value)
-    assert len(raised.value.problems) == 1
-
-
 def test_from_a_file_to_a_map(tmp_path: FilePath) -> None:
     own = RANDOM[0]["system"]
     np.savez(tmp_path / "rotor.npz", M=own["mass"], K=own["stiffness"], G=own["gyroscopic"])

@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gearstab
-from gearstab.config import ConfigError
 
 RPM = pi / 30
 SPEED = 3000 * RPM
@@ -143,46 +142,3 @@ def test_sweeps_over_the_input_speed_take_torque_and_slope_there():
         np.testing.assert_allclose(found[group][name].values, expected, rtol=1e-9)
     means = found["response"]["mesh_force_mean"].values[:, 0]
     assert means[1] / means[0] == pytest.approx((3 / 2) ** 2, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("system", "rest", "said"),
-    [
-        (train({"torque_law": {}}), {}, "does not say how the torque depends on the speed"),
-        (train({"torque_law": FAN, "torque": 3.0}), {}, "torque is given already"),
-        (train({"torque_law": {"at": "1500 rpm", "torque": 3.0}}), {}, "torque_law.exponent: is missing"),
-        (train({"torque_law": FAN | {"polynomial": [1.0]}}), {}, "at is given already"),
-        (train({"torque_law": {"speeds": [1, 2], "torques": [1, 2, 3]}}), {}, "has 3 torques for 2 speeds"),
-        (train({"torque_law": {"speeds": [2, 1], "torques": [1, 2]}}), {}, "is not above the speed before it"),
-        (train({"torque_law": {"speeds": [1, 2], "torques": [1, 2]}}), {}, "1500 rpm lies outside the table"),
-        (train({"torque_law": FAN}, torque=3.0), {}, "follows from the torques of the outputs"),
-        (
-            train({"torque_law": FAN}, speed=None),
-            {"sweep": {"mesh_frequency": [5000.0]}},
-            "depends on the speed, which is missing",
-        ),
-        (train({"torque_law": FAN}), {"sweep": {"mesh_frequency": [5000.0, 6000.0]}}, "sweep over input_speed"),
-        (
-            train({"torque_law": FAN}),
-            {"sweep": {"input_speed": ["2000 rpm", "3000 rpm"]}, "methods": {"boundaries": {}}},
-            "is over the speed of one system",
-        ),
-        (
-            train({"torque_law": FAN}),
-            {"respond": {"input_speed": "2000 rpm", "steady_state": True}},
-            "is not that of system.input, at which the torque is taken",
-        ),
-        (
-            train({"torque_law": FAN}),
-            {"respond": {"input_speed": "3000 rpm", "ramp": {"to": "4000 rpm", "rate": 1.0}}},
-            "changes the speed, on which a torque depends",
-        ),
-    ],
-)
-def test_mistakes_are_one_line_each(system, rest, said):
-    system["input"] = {key: value for key, value in system["input"].items() if value is not None}
-    config = {"system": system, "sweep": {"input_speed": ["3000 rpm"]}, "methods": {"response": {}}, **rest}
-    with pytest.raises(ConfigError) as error:
-        gearstab.load(config)
-    lines = str(error.value).splitlines()
-    assert len([line for line in lines if said in line]) == 1

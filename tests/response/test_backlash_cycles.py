@@ -273,24 +273,6 @@ system:
 """
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ("respond: {mesh_frequency: 2.0, steady_state: true}", "teeth with backlash may have several"),
-        ("respond: {mesh_frequency: 2.0, cycles: 5, discard: 5}", "leaves nothing of 5 cycles"),
-        (
-            "sweep: {mesh_frequency: [1, 2], meshes.mesh.backlash: [0, 2]}\nmethods: {response: {}}",
-            "an axis sets backlash where no mesh has any",
-        ),
-    ],
-)
-def test_what_does_not_go_with_backlash(tmp_path: Path, change: str, message: str) -> None:
-    path = tmp_path / "scene.yaml"
-    path.write_text((SCENE if "respond" in change else SCENE.replace(', backlash: "2 m"', "")) + change)
-    with pytest.raises(ConfigError, match=message):
-        load(path)
-
-
 def test_only_backlash_has_something_to_discard(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     text = SCENE + "respond: {mesh_frequency: 2.0, cycles: 5, discard: 2}"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import problems, read
+from scenes import read
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 from test_planetary_sets import TWO
@@ -239,28 +239,3 @@ def test_helical_planets_share_the_torque(tmp_path: Path) -> None:
     for k in relieved:
         assert isinstance(train.meshes[k].teeth.loaded[0], LoadedHelical)
         assert train.meshes[k].teeth.loaded[0].force == pytest.approx(float(static[k]), rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "path", "words"),
-    [
-        (", torque: 200 N m", "", "meshes.0.relief", "no torques"),
-        (TIP, "{}", "meshes.0.relief", "takes nothing off"),
-        ("damping_ratio: 0.05, waveform", "damping_ratio: 0.05, mean_stiffness: 3e8, waveform",
-         "meshes.0.mean_stiffness", "not available with relief"),
-        ("damping_ratio: 0.05, waveform", "damping_ratio: 0.05, backlash: 50 um, waveform",
-         "meshes.0.backlash", "not available with relief"),
-        ("damping_ratio: 0.05, waveform", "damping_ratio: 0.05, double_contact_factor: 0.8, waveform",
-         "meshes.0.double_contact_factor", "each pair"),
-        ("kind: tooth", "kind: trapezoidal, ramp: 0.1", "meshes.0.waveform.kind", "trapezoidal"),
-        ("[pinion, wheel]", "[wheel, pinion]", "meshes.0.gears", "name the driver first"),
-        ("amount: 20 um", "amount: 0 um", "meshes.0.relief.tip.amount", ""),
-    ],
-)  # fmt: skip
-def test_mistakes(tmp_path: Path, old: str, new: str, path: str, words: str) -> None:
-    before = text("rectangular" if "kind" not in old else "tooth")
-    changed = before.replace(old, new)
-    assert changed != before
-    found = problems(tmp_path, changed + "sweep: {mesh_frequency: [100, 200]}\nmethods: {floquet: {}}\n")
-    assert [problem.path for problem in found] == [f"system.{path}"]
-    assert words in found[0].message + (found[0].hint or "")
