@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 import xarray as xr
 from click.testing import CliRunner, Result
+from hypothesis import HealthCheck, settings
 from pydantic import BaseModel
 
 from gearstab.cli import group, main
@@ -107,6 +109,12 @@ def code(*words: str) -> int:
         main(words)
     assert isinstance(raised.value.code, int)
     return raised.value.code
+
+
+def examples(few: int, many: int) -> settings:
+    """Generated examples by number: many where slow tests are run. They may take long, and share a folder."""
+    count = many if "GEARSTAB_THOROUGH" in os.environ else few
+    return settings(max_examples=count, suppress_health_check=list(HealthCheck))
 
 
 def plain(value: Any) -> Any:
