@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
+from scenes import ran
 
-from gearstab.cli import group
 from gearstab.plots import default_kind, draw
 from gearstab.plots.view import Request
 from gearstab.results import open_result
@@ -38,7 +38,7 @@ def config(tmp_path: Path) -> Path:
 
 
 def call(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(group, [*map(str, arguments)])
+    return ran(*arguments)
 
 
 def test_a_run_up_is_written_and_drawn_over_the_speed_that_was_typed(config: Path, tmp_path: Path) -> None:

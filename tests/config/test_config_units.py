@@ -8,12 +8,10 @@ from typing import Any
 
 import h5py
 import pytest
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import CONFIGS, read
+from scenes import CONFIGS, ran, read
 
-from gearstab.cli import group
 from gearstab.config import ConfigError
 from gearstab.config.model.units import KNOWN, UnitError, scale, to_si
 from gearstab.results.units import unit_of
@@ -137,7 +135,7 @@ respond: {mesh_frequency: 500, cycles: 3, initial: {displacement: [0, 0], veloci
     assert first_problem(tmp_path, text, "meshes.0.backlash=1 mm").path == "system.meshes.0.backlash"
     path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
     path.write_text(text)
-    done = CliRunner().invoke(group, ["respond", str(path), "-o", str(out)])
+    done = ran("respond", path, "-o", out)
     assert done.exit_code == 0, done.output
     expected = {
         "displacement": "rad", "velocity": "rad/s", "mesh_deflection": "rad", "mesh_force": "N m", "play": "rad",
@@ -192,7 +190,7 @@ def units_in(path: Path) -> dict[str, str]:
 def test_results_of_a_model_without_units_have_none(tmp_path, command, changes):
     path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
     path.write_text(NONE)
-    done = CliRunner().invoke(group, [command, str(path), "-o", str(out), *changes])
+    done = ran(command, path, "-o", out, *changes)
     assert done.exit_code == 0, done.output
     assert set(units_in(out).values()) == {"1"}
     with h5py.File(out) as file:
@@ -208,7 +206,7 @@ system: {kind: gear_pair, units: none, teeth: [20, 40], inertias: [1.0, 16.0], t
          contact_ratio: 1.5, torque: 0.01, damping_ratio: 0.1}
 respond: {speed: 0.01, cycles: 20}
 """)
-    done = CliRunner().invoke(group, ["respond", str(path), "-o", str(out)])
+    done = ran("respond", path, "-o", out)
     assert done.exit_code == 0, done.output
     assert set(units_in(out).values()) == {"1"}
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from click.testing import CliRunner
+from scenes import ran
 
-from gearstab.cli import group
 from gearstab.results import open_result
 
 SYSTEM = """\
@@ -24,7 +23,7 @@ def growth(folder, sweep, methods=METHODS):
     (folder / "points.yaml").write_text(SYSTEM + f"sweep:\n  {sweep}\n" + methods)
     target = folder / "points.h5"
     arguments = ["sweep", str(folder / "points.yaml"), "-o", str(target), "--overwrite", "-q"]
-    result = CliRunner().invoke(group, arguments)
+    result = ran(*arguments)
     assert result.exit_code == 0, result.output
     with open_result(target) as tree:
         return tree["floquet"].to_dataset().load()

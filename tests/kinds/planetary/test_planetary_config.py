@@ -6,10 +6,9 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from planetary_gears import configuration
+from scenes import ran
 
-from gearstab.cli import group
 from gearstab.config import load
 from gearstab.info.text import report
 from gearstab.modal import mean_modes
@@ -84,7 +83,7 @@ def test_teeth_give_the_phases(scene):
 
 
 def test_info_names_types_and_the_rule(scene):
-    result = CliRunner().invoke(group, ["info", str(scene), "--json"])
+    result = ran("info", scene, "--json")
     assert result.exit_code == 0, result.output
     facts = json.loads(result.output)
     kinds = [mode["type"] for mode in facts["modes"][:9]]
