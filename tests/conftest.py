@@ -21,3 +21,9 @@ settings.load_profile("gearstab")
 def root() -> Path:
     """The root of the source tree."""
     return Path(__file__).resolve().parents[1]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Generate many examples where slow tests are run; see :func:`scenes.examples`."""
+    if "slow" in config.option.markexpr.replace("not slow", ""):
+        os.environ["GEARSTAB_THOROUGH"] = "1"

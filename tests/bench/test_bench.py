@@ -8,11 +8,10 @@ import numpy as np
 import oracle
 import pytest
 import systems
-from click.testing import CliRunner
+from scenes import ran
 
 from gearstab.bench import Scene, measure, reference, turning, work_precision
 from gearstab.bench.methods import METHODS, Entry
-from gearstab.cli import group
 from gearstab.floquet import solve
 from gearstab.mesh import PeriodicTerm
 from gearstab.results import open_result
@@ -140,7 +139,7 @@ def test_command(tmp_path):
     (tmp_path / "train.yaml").write_text(CONFIG)
     target = tmp_path / "out" / "train.h5"
     arguments = ["bench", str(tmp_path / "train.yaml"), "-o", str(target), "--points", "2", "--seconds", "0", "-q"]
-    result = CliRunner().invoke(group, arguments)
+    result = ran(*arguments)
     assert result.exit_code == 0, result.output
     assert "products of expm" in result.output
     assert target.with_suffix(".png").stat().st_size > 10_000
@@ -154,7 +153,7 @@ def test_command_says_what_a_point_costs_where_speeds_turn(tmp_path, monkeypatch
     monkeypatch.setattr(turning, "POINTS", 64)
     monkeypatch.setattr(turning, "PRODUCTS", 8)
     (tmp_path / "rotor.yaml").write_text(TURNING)
-    result = CliRunner().invoke(group, ["bench", str(tmp_path / "rotor.yaml"), "-q"])
+    result = ran("bench", tmp_path / "rotor.yaml", "-q")
     assert result.exit_code == 0, result.output
     held, follows = result.output.splitlines()
     assert held.startswith("speeds held: ")
@@ -163,7 +162,7 @@ def test_command_says_what_a_point_costs_where_speeds_turn(tmp_path, monkeypatch
         assert float(line.split()[-1]) < 1e-9, line
     monkeypatch.setattr(turning, "SMOOTH_POINTS", 16)
     (tmp_path / "smooth.yaml").write_text(SMOOTH)
-    result = CliRunner().invoke(group, ["bench", str(tmp_path / "smooth.yaml"), "-q"])
+    result = ran("bench", tmp_path / "smooth.yaml", "-q")
     assert result.exit_code == 0, result.output
     for line in result.output.splitlines():
         assert "points/s; multipliers are right to" in line
@@ -173,7 +172,7 @@ def test_command_says_what_a_point_costs_where_speeds_turn(tmp_path, monkeypatch
 def test_command_needs_a_mesh_frequency_axis(tmp_path):
     text = CONFIG.replace("mesh_frequency: {start: 0.5, stop: 7.0, num: 50}", "epsilon: [0.1, 0.2]")
     (tmp_path / "train.yaml").write_text(text.replace("floquet: {}", "perturbation: {}"))
-    result = CliRunner().invoke(group, ["bench", str(tmp_path / "train.yaml")])
+    result = ran("bench", tmp_path / "train.yaml")
     assert result.exit_code == 2
     assert "mesh_frequency" in result.output
 
@@ -198,7 +197,7 @@ APART = ROTOR.replace("[1.0, -1.0],", "[1.0, -1.0], frequency_ratio: 0.7123456, 
 
 def test_command_refuses_what_its_scenes_do_not_hold(tmp_path):
     (tmp_path / "system.yaml").write_text(APART)
-    result = CliRunner().invoke(group, ["bench", str(tmp_path / "system.yaml")])
+    result = ran("bench", tmp_path / "system.yaml")
     assert result.exit_code == 2
     assert "bench: " in result.output
     assert "irrational ratio" in result.output

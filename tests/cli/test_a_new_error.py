@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-from scenes import TRAIN, written
+from scenes import TRAIN, ran, written
 
-from gearstab.cli import group
 from gearstab.errors import FAILED, UserError
 from gearstab.systems import KINDS
 
@@ -27,7 +25,7 @@ def test_a_class_is_all_it_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         raise Overheated("the train is too hot; wait a minute")
 
     monkeypatch.setattr(KINDS["two_stage"], "build", build)
-    done = CliRunner().invoke(group, [command[0], str(written(tmp_path, SWEPT)), *command[1:]])
+    done = ran(command[0], written(tmp_path, SWEPT), *command[1:])
     assert (done.exit_code, done.stdout) == (FAILED, "")
     assert done.stderr == "the train is too hot; wait a minute\n"
     assert isinstance(done.exception, SystemExit)

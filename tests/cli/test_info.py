@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 from numpy.testing import assert_allclose
-from scenes import CONFIGS, CONFIGURATIONS, DATA
+from scenes import CONFIGS, CONFIGURATIONS, DATA, ran
 from tongues import train
 
-from gearstab.cli import group
 from gearstab.config import Config, load
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
@@ -61,7 +60,7 @@ def described_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def info(config: Path | str, *options: str) -> Result:
-    return CliRunner().invoke(group, ["info", str(config), *options])
+    return ran("info", config, *options)
 
 
 def facts(config: Path | str, *options: str) -> dict:
@@ -178,7 +177,7 @@ def test_a_mistake_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
     assert len(missing.stderr.strip().splitlines()) == 1
 
 
-LONG = {"parker_2009/contact_ratio", "parker_2009/gamma_sr", "drive_train"}
+LONG = {"parker_2009/contact_ratio", "parker_2009/gamma_sr", "drive_train", "waveforms/pairs"}
 """Dangerous speeds of these take seconds each, and others have all that they have."""
 
 

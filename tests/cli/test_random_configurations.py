@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from hypothesis import given, settings
+from hypothesis import given
 from random_documents import Document, documents
+from scenes import examples
 
 from gearstab.cli import group
 from gearstab.results import open_result
@@ -38,19 +40,12 @@ def answered(document: Document, folder: Path) -> None:
         called("respond", path, "-o", folder / "response.h5")
 
 
-@settings(max_examples=4)
+@examples(4, 300)
 @given(document=documents())
 def test_ordinary_and_odd_systems(document: Document, tmp_path_factory: pytest.TempPathFactory) -> None:
-    if any("waveform" in mesh for mesh in document["system"]["meshes"]):
+    if "GEARSTAB_THOROUGH" not in os.environ and any("waveform" in mesh for mesh in document["system"]["meshes"]):
         # Edges of smooth waves take seconds.
         document["methods"].pop("boundaries", None)
-    answered(document, tmp_path_factory.mktemp("random"))
-
-
-@pytest.mark.slow
-@settings(max_examples=300)
-@given(document=documents())
-def test_many_of_them(document: Document, tmp_path_factory: pytest.TempPathFactory) -> None:
     answered(document, tmp_path_factory.mktemp("random"))
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
+from scenes import ran
 
-from gearstab.cli import group
 from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.response import free_response
@@ -41,7 +41,7 @@ def config(tmp_path: Path) -> Path:
 
 
 def call(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(group, ["respond", *map(str, arguments)])
+    return ran("respond", *arguments)
 
 
 def test_the_file_holds_the_histories_with_units(config: Path, tmp_path: Path) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
+from scenes import ran
 
-from gearstab.cli import group
 from gearstab.config import load
 from gearstab.modal import static_equilibrium, static_mesh_force
 from gearstab.response import RESPONSE_FLAGS, driven_response, harmonics, steady_state
@@ -42,7 +42,7 @@ FREE = """kind: two_stage
 def call(tmp_path: Path, text: str, *options: str) -> tuple[Result, Path]:
     path, out = tmp_path / "train.yaml", tmp_path / "out.h5"
     path.write_text(text)
-    return CliRunner().invoke(group, ["respond", str(path), "-o", str(out), *options]), out
+    return ran("respond", path, "-o", out, *options), out
 
 
 def test_a_steady_state_with_its_harmonics(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_histories_and_spectra_are_exported_apart(tmp_path: Path) -> None:
     rows = {}
     for over in ("time", "time,mesh", "frequency", "peak"):
         table = tmp_path / f"{over}.csv"
-        done = CliRunner().invoke(group, ["export", str(out), "-o", str(table), "--over", over])
+        done = ran("export", out, "-o", table, "--over", over)
         assert done.exit_code == 0, done.output
         rows[over] = list(csv.DictReader(table.read_text().splitlines()))
     # Coordinates and meshes have a table each, not one of their product.
@@ -104,10 +104,10 @@ def test_histories_and_spectra_are_exported_apart(tmp_path: Path) -> None:
         force = tree["response"]["mesh_force"].values
     last = [float(row["mesh_force"]) for row in rows["time,mesh"][-2:]]
     np.testing.assert_array_equal(last, force[-1])
-    done = CliRunner().invoke(group, ["export", str(out), "-o", str(tmp_path / "x.csv"), "--over", "speed"])
+    done = ran("export", out, "-o", tmp_path / "x.csv", "--over", "speed")
     assert done.exit_code == 2
     assert "time,dof; time,mesh; frequency,mesh; peak" in done.stderr
-    done = CliRunner().invoke(group, ["export", str(out), "-o", str(tmp_path / "x.csv")])
+    done = ran("export", out, "-o", tmp_path / "x.csv")
     assert "note: not in the table: mesh_deflection, mesh_force" in done.stderr
     assert "(--over time,mesh)" in done.stderr
 

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
+from scenes import ran
 
-from gearstab.cli import group
-from gearstab.config import ConfigError, load
 from gearstab.plots import default_kind, draw
 from gearstab.plots.view import Request
 from gearstab.results import open_result
@@ -39,7 +38,7 @@ def config(tmp_path: Path) -> Path:
 
 
 def call(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(group, [*map(str, arguments)])
+    return ran(*arguments)
 
 
 def test_a_run_up_is_written_and_drawn_over_the_speed_that_was_typed(config: Path, tmp_path: Path) -> None:
@@ -72,23 +71,3 @@ def test_a_run_up_is_written_and_drawn_over_the_speed_that_was_typed(config: Pat
     refused = call("plot", out, "--kind", "spectrum", "-o", picture)
     assert refused.exit_code == 2
     assert "spectra" in refused.stderr
-
-
-@pytest.mark.parametrize(
-    ("replaced", "by", "place", "code"),
-    [
-        ("samples_per_cycle: 12", "cycles: 3", "respond.cycles", "not_applicable"),
-        ("samples_per_cycle: 12", "steady_state: true", "respond.steady_state", "not_applicable"),
-        ("gears: [motor, machine]}", "gears: [motor, machine], backlash: 1e-4}", "respond.ramp", "not_applicable"),
-        ('"9000 rpm"', '"6000 rpm"', "respond", "inconsistent"),
-        ('"6000 rpm/s"', "0", "respond.ramp.rate", "out_of_range"),
-        ('"6000 rpm/s"', '"6000 rpm"', "respond.ramp.rate", "wrong_dimension"),
-        ('"9000 rpm"', '"-9 rpm"', "respond.ramp.to", "out_of_range"),
-        (', rate: "6000 rpm/s"', "", "respond.ramp.rate", "missing"),
-    ],
-)
-def test_what_a_ramp_cannot_be(config: Path, replaced: str, by: str, place: str, code: str) -> None:
-    config.write_text(CONFIG.replace(replaced, by))
-    with pytest.raises(ConfigError) as raised:
-        load(config)
-    assert [(problem.path, problem.code) for problem in raised.value.problems] == [(place, code)]

@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 
 import pytest
-from click.testing import CliRunner
+from scenes import ran
 
-from gearstab.cli import group
 from gearstab.config import ConfigError, load
 from gearstab.config.sections.sweep import GROUPS
 from gearstab.results import open_result
@@ -76,10 +75,10 @@ NAMES = ["case", "a case", "Größe", "5", "a.b", "_nc", "phony_dim_0", "units",
 @pytest.mark.parametrize(("name", "axis"), [*((name, CASES) for name in NAMES), ("tie", TIE), ("a.b", TIE)])
 def test_other_names_give_results_that_can_be_opened(tmp_path, name, axis):
     path, out = scene(tmp_path, axis, name), tmp_path / "out.h5"
-    done = CliRunner().invoke(group, ["sweep", str(path), "-o", str(out), "-j", "1"])
+    done = ran("sweep", path, "-o", out, "-j", "1")
     assert done.exit_code == 0, done.output
     with open_result(out) as tree:
         assert tree["floquet"]["growth_rate"].dims == (name, "mesh_frequency")
         assert tree["boundaries"]["boundary_frequency"].dims == ("tongue", "side", name)
-    done = CliRunner().invoke(group, ["export", str(out), "-o", str(tmp_path / "out.csv")])
+    done = ran("export", out, "-o", tmp_path / "out.csv")
     assert done.exit_code == 0, done.output

@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-
-from gearstab.cli import group
+from scenes import ran
 
 TRAIN = """\
 system:
@@ -70,7 +68,7 @@ def test_what_does_not_fit_is_one_line(
     monkeypatch.chdir(tmp_path)
     text = TRAIN.replace("MORE", more)
     Path("train.yaml").write_text(text.replace("METHOD", method))
-    done = CliRunner().invoke(group, [command, "train.yaml"])
+    done = ran(command, "train.yaml")
     assert (done.exit_code, done.stdout, done.stderr) == (2, "", lines)
     assert [path.name for path in tmp_path.iterdir()] == ["train.yaml"]
 
@@ -78,7 +76,7 @@ def test_what_does_not_fit_is_one_line(
 def test_an_override_is_named_in_place_of_a_line(tmp_path: Path) -> None:
     path = tmp_path / "train.yaml"
     path.write_text(TRAIN.replace("MORE", "lag: 0}").replace("METHOD", "floquet: {}"))
-    done = CliRunner().invoke(group, ["check", str(path), "--set", "methods.floquet.block=2"])
+    done = ran("check", path, "--set", "methods.floquet.block=2")
     assert done.exit_code == 2
     assert done.stderr.startswith("--set methods.floquet.block: methods.floquet.block: the system has no cyclic")
     assert done.stderr.endswith("(got 2); name modes instead\n")
@@ -87,11 +85,11 @@ def test_an_override_is_named_in_place_of_a_line(tmp_path: Path) -> None:
 def test_bench_names_the_place(tmp_path: Path) -> None:
     path = tmp_path / "train.yaml"
     path.write_text(TRAIN.replace("MORE", IRRATIONAL).replace("METHOD", "floquet: {}"))
-    done = CliRunner().invoke(group, ["bench", str(path), "-o", str(tmp_path / "out.h5")])
+    done = ran("bench", path, "-o", tmp_path / "out.h5")
     assert done.exit_code == 2
     assert f"{path}:7: system.meshes.1.frequency_ratio: bench: mesh frequencies of irrational ratio" in done.stderr
     text = TRAIN.replace("MORE", "lag: 0}").replace("METHOD", "perturbation: {}")
     path.write_text(text.replace("mesh_frequency: [1.0, 2.0]", "epsilon: [0.1, 0.2]"))
-    done = CliRunner().invoke(group, ["bench", str(path), "-o", str(tmp_path / "out.h5")])
+    done = ran("bench", path, "-o", tmp_path / "out.h5")
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
     assert f"{path}:8: sweep.mesh_frequency: is missing, which bench needs; add mesh_frequency: " in done.stderr

@@ -8,12 +8,10 @@ from typing import Any
 
 import h5py
 import pytest
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import CONFIGS, read
+from scenes import CONFIGS, ran, read
 
-from gearstab.cli import group
 from gearstab.config import ConfigError
 from gearstab.config.model.units import KNOWN, UnitError, hint_of, scale, to_si
 from gearstab.results.display import unit_of
@@ -102,56 +100,6 @@ def test_a_text_with_a_unit_is_a_number(tmp_path, text, override, path, value):
     assert found == pytest.approx(value, rel=1e-14)
 
 
-WRONG = [
-    (PAIR, "load=200 N m", "system.load.0", "dimension", "force"),
-    (PAIR, "equivalent_mass=2 m", "system.equivalent_mass", "dimension", "mass"),
-    (PAIR, "meshes.0.mean_stiffness=2 N m", "system.meshes.0.mean_stiffness", "dimension", "stiffness"),
-    (PAIR, "meshes.0.backlash=5 deg", "system.meshes.0.backlash", "dimension", "length"),
-    (PAIR, "meshes.0.transmission_error={sin: [0.1 deg]}", "system.meshes.0.transmission_error.sin.0", "dimension", ""),
-    (PAIR, "damping_ratio=90 deg", "system.damping_ratio", "dimensionless", "per cent"),
-    (PAIR, "damping_ratio=0,02", "system.damping_ratio", "decimal comma", "0.02"),
-    (PAIR, "equivalent_mass=0,5", "system.equivalent_mass", "decimal comma", "0.5"),
-    (TRAIN, "load=[0, 0, 200 N m]", "system.load.2", "dimension", "base radius"),
-    (TRAIN, "phasing=2 mm", "system.meshes.1.phasing", "dimensionless", "360 deg"),
-    (TRAIN, "damping={matrix: [[1 N s, 0, 0], [0, 1, 0], [0, 0, 1]]}", "system.damping.matrix.0.0", "dimension", ""),
-    (MIXED, "load.0=2 N m", "system.load.0", "dimension", "base radius"),
-    (MIXED, "load.1=2 N", "system.load.1", "dimension", "torque"),
-    (MIXED, "mass.0.0=2 kg m^2", "system.mass.0.0", "dimension", "mass"),
-    (MIXED, "stiffness.0.1=2 N/m", "system.stiffness.0.1", "dimension", ""),
-    (MIXED, "meshes.0.direction.0=50 mm", "system.meshes.0.direction.0", "dimensionless", ""),
-    (MIXED, "meshes.0.mean_stiffness=2 N m", "system.meshes.0.mean_stiffness", "dimension", "stiffness"),
-    (MIXED, "respond.initial.displacement.1=1 mm", "respond.initial.displacement.1", "dimension", "angle"),
-    (MIXED, "respond.initial.velocity.0=1 rpm", "respond.initial.velocity.0", "dimension", "velocity"),
-    (MIXED, "respond.mesh_frequency=1000 1/min", "respond.mesh_frequency", "radians or turns", "rpm"),
-    (MIXED, "coordinate_units=[m, mm]", "system.coordinate_units.1", "is no unit of a coordinate", "rad"),
-    (MIXED, "coordinate_units=[m, m, rad]", "system.coordinate_units", "has 3 entries", "give 2"),
-    (PLANETARY, "pressure_angles.sun=20 %", "system.pressure_angles.sun", "dimension", "angle"),
-    (PLANETARY, "load.sun=100 N m", "system.load.sun", "dimension", "force"),
-]
-
-
-@pytest.mark.parametrize(("text", "override", "path", "message", "hint"), WRONG, ids=[n[1] for n in WRONG])
-def test_a_unit_of_the_wrong_dimension_is_refused(tmp_path, text, override, path, message, hint):
-    found = first_problem(tmp_path, text, override)
-    assert found.path == path
-    assert message in found.message
-    assert hint in found.hint
-
-
-SWEPT = [
-    ("sweep: {mesh_frequency: [1, 2], load.0: [2 N m, 3 N m]}", "sweep.load.0.0"),
-    ("sweep: {mesh_frequency: [1, 2], mass.1.1: {start: 1 kg, stop: 2 kg, num: 3}}", "sweep.mass.1.1.start"),
-    ("sweep: {mesh_frequency: [1, 2], load.1: [1 N, 2]}", "sweep.load.1.0"),
-]
-
-
-@pytest.mark.parametrize(("sweep", "path"), SWEPT, ids=[path for _, path in SWEPT])
-def test_axes_take_the_units_of_their_very_number(tmp_path, sweep, path):
-    with pytest.raises(ConfigError) as caught:
-        read(tmp_path, MIXED + sweep + "\nmethods: {floquet: {}}\n")
-    assert path in {problem.path for problem in caught.value.problems}
-
-
 def test_units_of_axes_are_those_of_their_very_number(tmp_path):
     text = MIXED + "sweep: {mesh_frequency: [1, 2], load.1: [1, 2], stiffness.0.0: [1, 2]}\nmethods: {floquet: {}}\n"
     assert [axis.units for axis in read(tmp_path, text).axes] == ["rad/s", "N m", "N/m"]
@@ -187,7 +135,7 @@ respond: {mesh_frequency: 500, cycles: 3, initial: {displacement: [0, 0], veloci
     assert first_problem(tmp_path, text, "meshes.0.backlash=1 mm").path == "system.meshes.0.backlash"
     path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
     path.write_text(text)
-    done = CliRunner().invoke(group, ["respond", str(path), "-o", str(out)])
+    done = ran("respond", path, "-o", out)
     assert done.exit_code == 0, done.output
     expected = {
         "displacement": "rad", "velocity": "rad/s", "mesh_deflection": "rad", "mesh_force": "N m", "play": "rad",
@@ -242,7 +190,7 @@ def units_in(path: Path) -> dict[str, str]:
 def test_results_of_a_model_without_units_have_none(tmp_path, command, changes):
     path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
     path.write_text(NONE)
-    done = CliRunner().invoke(group, [command, str(path), "-o", str(out), *changes])
+    done = ran(command, path, "-o", out, *changes)
     assert done.exit_code == 0, done.output
     assert set(units_in(out).values()) == {"1"}
     with h5py.File(out) as file:
@@ -258,24 +206,9 @@ system: {kind: gear_pair, units: none, teeth: [20, 40], inertias: [1.0, 16.0], t
          contact_ratio: 1.5, torque: 0.01, damping_ratio: 0.1}
 respond: {speed: 0.01, cycles: 20}
 """)
-    done = CliRunner().invoke(group, ["respond", str(path), "-o", str(out)])
+    done = ran("respond", path, "-o", out)
     assert done.exit_code == 0, done.output
     assert set(units_in(out).values()) == {"1"}
-
-
-WITH_UNITS = [
-    ("inertias.0=1 kg", "system.inertias.0"),
-    ("sweep.mesh_frequency.0=100 rpm", "sweep.mesh_frequency.0"),
-    ("sweep.input_shaft_stiffness.1=5 N/m", "sweep.input_shaft_stiffness.1"),
-    ("respond.mesh_frequency=600 rpm", "respond.mesh_frequency"),
-]
-
-
-@pytest.mark.parametrize(("override", "path"), WITH_UNITS, ids=[path for _, path in WITH_UNITS])
-def test_a_model_without_units_takes_none(tmp_path, override, path):
-    found = first_problem(tmp_path, NONE, override)
-    assert found.path == path
-    assert "units: none" in found.hint
 
 
 def test_a_scaled_planetary_gear_has_lengths_only(tmp_path):

@@ -162,158 +162,6 @@ def test_the_short_name_contact_ratio_means_meshes_that_have_one(tmp_path) -> No
         load(path, [*remaining, "contact_ratio=1.3"])
 
 
-WRONG = {
-    "another kind's key": (
-        f"{LEVELS}, contact_ratio: 1.5, waveform: {{kind: rectangular, ramp: 0.1}}",
-        "system.meshes.0.waveform.ramp",
-        "not_applicable",
-    ),
-    "no ramp": (
-        f"{LEVELS}, contact_ratio: 1.5, waveform: {{kind: trapezoidal}}",
-        "system.meshes.0.waveform.ramp",
-        "missing",
-    ),
-    "ramp": (
-        f"{LEVELS}, contact_ratio: 1.5, waveform: {{kind: trapezoidal, ramp: 1.5}}",
-        "system.meshes.0.waveform.ramp",
-        "out_of_range",
-    ),
-    "contact ratio of a series": (
-        f"{LEVELS}, contact_ratio: 1.5, waveform: {{kind: fourier, sin: [1]}}",
-        "system.meshes.0.contact_ratio",
-        "not_applicable",
-    ),
-    "no contact ratio": (
-        f"{LEVELS}, waveform: {{kind: trapezoidal, ramp: 0.1}}",
-        "system.meshes.0.contact_ratio",
-        "missing",
-    ),
-    "no harmonics": (f"{LEVELS}, waveform: {{kind: fourier, sin: []}}", "system.meshes.0.waveform", "missing"),
-    "coefficient": (
-        f"{LEVELS}, waveform: {{kind: fourier, sin: [.nan]}}",
-        "system.meshes.0.waveform.sin.0",
-        "not_finite",
-    ),
-    "no samples": ("waveform: {kind: sampled}", "system.meshes.0.waveform", "missing"),
-    "no phase": ("waveform: {kind: sampled, stiffness: [1, 2]}", "system.meshes.0.waveform.phase", "missing"),
-    "no stiffness": ("waveform: {kind: sampled, phase: [0, 0.5]}", "system.meshes.0.waveform.stiffness", "missing"),
-    "too few": (
-        "waveform: {kind: sampled, phase: [0], stiffness: [1]}",
-        "system.meshes.0.waveform.phase",
-        "wrong_count",
-    ),
-    "too few for a spline": (
-        "waveform: {kind: sampled, phase: [0, 0.5], stiffness: [1, 2], interpolation: cubic}",
-        "system.meshes.0.waveform.phase",
-        "wrong_count",
-    ),
-    "interpolation": (
-        "waveform: {kind: sampled, phase: [0, 0.5], stiffness: [1, 2], interpolation: quadratic}",
-        "system.meshes.0.waveform.interpolation",
-        "unknown_choice",
-    ),
-    "outside": (
-        "waveform: {kind: sampled, phase: [0, 1], stiffness: [1, 2]}",
-        "system.meshes.0.waveform.phase.1",
-        "out_of_range",
-    ),
-    "twice": (
-        "waveform: {kind: sampled, phase: [0, 0.5, 0.5], stiffness: [1, 2, 3]}",
-        "system.meshes.0.waveform.phase.2",
-        "equal_values",
-    ),
-    "unsorted": (
-        "waveform: {kind: sampled, phase: [0, 0.5, 0.3], stiffness: [1, 2, 3]}",
-        "system.meshes.0.waveform.phase.2",
-        "wrong_order",
-    ),
-    "lengths": (
-        "waveform: {kind: sampled, phase: [0, 0.5, 0.7], stiffness: [1, 2]}",
-        "system.meshes.0.waveform.stiffness",
-        "wrong_count",
-    ),
-    "two stiffnesses": (
-        "mean_stiffness: 1, max_stiffness: 2, waveform: {kind: sampled, phase: [0, 0.5], stiffness: [1, 2]}",
-        "system.meshes.0.max_stiffness",
-        "already_given",
-    ),
-    "pair without a stiffness": (
-        "contact_ratio: 1.5, waveform: {kind: pair, shape: constant}",
-        "system.meshes.0",
-        "missing",
-    ),
-    "part of a pair": (
-        "contact_ratio: 1.5, waveform: {kind: pair, phase: [0.1, 1], stiffness: [1, 2]}",
-        "system.meshes.0.waveform.phase",
-        "out_of_range",
-    ),
-    "ends of a constant": (
-        f"{LEVELS}, contact_ratio: 1.5, waveform: {{kind: pair, shape: constant, ends: 0.5}}",
-        "system.meshes.0.waveform.ends",
-        "not_applicable",
-    ),
-    "two shapes": (
-        "contact_ratio: 1.5, waveform: {kind: pair, shape: constant, phase: [0, 1], stiffness: [1, 2]}",
-        "system.meshes.0.waveform.stiffness",
-        "already_given",
-    ),
-    "follows without damping": (
-        f"{LEVELS}, contact_ratio: 1.5, damping_follows_stiffness: true",
-        "system.meshes.0.damping",
-        "missing",
-    ),
-    "follows a transmission error": (
-        f"{LEVELS}, contact_ratio: 1.5, damping: 0.1, damping_follows_stiffness: true, "
-        "transmission_error: {sin: [1]}",
-        "system.meshes.0.transmission_error",
-        "needs_other",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", WRONG)
-def test_mistakes_have_one_line(name, tmp_path) -> None:
-    mesh, path, code = WRONG[name]
-    (found,) = errors(tmp_path, mesh)
-    assert (found.line, found.path, found.code) == (5, path, code)
-    assert found.hint
-
-
-WRONG_AXES = {
-    "of another kind": (
-        f"{LEVELS}, contact_ratio: 1.5",
-        "meshes.mesh.waveform.ramp: [0.1, 0.2]",
-        "sweep.meshes.mesh.waveform.ramp",
-        "not_applicable",
-    ),
-    "a phase": (
-        "waveform: {kind: sampled, phase: [0, 0.5], stiffness: [1, 2]}",
-        "meshes.0.waveform.phase.1: [0.1, 0.2]",
-        "sweep.meshes.0.waveform.phase.1",
-        "not_an_axis",
-    ),
-    "no such harmonic": (
-        f"{LEVELS}, waveform: {{kind: fourier, sin: [1]}}",
-        "meshes.0.waveform.sin.3: [0.1]",
-        "sweep.meshes.0.waveform.sin.3",
-        "unknown_target",
-    ),
-    "contact ratio of a series": (
-        f"{LEVELS}, waveform: {{kind: fourier, sin: [1]}}",
-        "meshes.0.contact_ratio: [1.2, 1.3]",
-        "system.meshes.0.contact_ratio",
-        "not_applicable",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", WRONG_AXES)
-def test_wrong_axes(name, tmp_path) -> None:
-    mesh, axis, path, code = WRONG_AXES[name]
-    (found,) = errors(tmp_path, mesh, f"  {axis}\n")
-    assert (found.path, found.code) == (path, code)
-
-
 LOW = {
     "series": (
         "mean_stiffness: 1, epsilon: 0.8, waveform: {kind: fourier, cos: [1.0, 0.5]}",
@@ -350,13 +198,6 @@ def test_the_lowest_stiffness_is_that_of_the_wave(name, tmp_path) -> None:
     allowed = [] if "amplitude" in mesh else ["system.allow_negative_stiffness=true"]
     if allowed:
         load(path, allowed)
-
-
-def test_negative_stiffness_along_an_axis_is_found_within_it(tmp_path) -> None:
-    """With ramps of 0.4 the depth of the wave is largest at d = 0.6, not at an end of the axis."""
-    mesh = "mean_stiffness: 1, epsilon: 0.95, waveform: {kind: trapezoidal, ramp: 0.4}"
-    (found,) = errors(tmp_path, mesh, "  contact_ratio: [1.1, 1.62, 1.95]\n")
-    assert "contact ratio 1.62" in str(found)
 
 
 def test_mesh_damping_that_follows_the_stiffness(tmp_path) -> None:
@@ -480,41 +321,6 @@ def test_samples_from_hdf5(tmp_path) -> None:
     assert "stiffness has the wrong dimension" in problem.message
 
 
-WRONG_FILES = {
-    "word": ("0,1\n0.3,many\n", 'line 2: stiffness "many" is no finite number'),
-    "nan": ("0,1\n0.3,nan\n", 'line 2: stiffness "nan" is no finite number'),
-    "outside": ("phase,stiffness\n0,1\n1.2,3\n", "line 3: phase 1.2 is outside [0, 1)"),
-    "closed and more": ("0,1\n1,1\n0.5,3\n1.1,2\n", "line 2: phase 1 is outside [0, 1)"),
-    "closed by one": ("0,1\n1,1\n", "has 1 sample"),
-    "unsorted twice": ("0,1\n\n0.5,3\n0.2,1\n0.5,1\n", "line 5: phase 0.5 is given twice"),
-    "twice": ("0,1\n0.5,3\n0.5,1\n", "line 3: phase 0.5 is given twice"),
-    "one column": ("1\n2\n", "line 1: has 1 column"),
-    "three columns": ("0,1,2\n0.5,1,2\n", "line 1: has 3 columns"),
-    "three names": ("a,b,c\n0.5,1,2\n", 'line 1: the header "a, b, c" names no column phase and stiffness'),
-    "other names": ("x, k in N/m\n0, 1\n", 'line 1: the header "x, k in N/m" names no column phase and stiffness'),
-    "unit as a name": ("phase, k_N_um\n0, 1\n", 'line 1: the header "phase, k_N_um" names no column stiffness'),
-    "one name twice": ("phase,stiffness [N/m],stiffness [N/um]\n0,1,2\n", "line 1: the header"),
-    "unknown unit": ("phase,stiffness [dyn/xy]\n0,1\n", 'line 1: the header "stiffness [dyn/xy]" has the unknown unit'),
-    "another dimension": ("phase,stiffness [kg]\n0,1\n", 'line 1: the header "stiffness [kg]" has the wrong dimension'),
-    "a length": ("phase [mm],stiffness\n0,1\n", 'line 1: the header "phase [mm]" is dimensionless but for an angle'),
-    "comment of units": ("# angle [rad], k [N/m]\n0,1\n0.3,2\n", 'line 1: the header "angle [rad], k [N/m]" names no'),
-    "few": ("0,1\n", "has 1 sample"),
-    "empty": ("", "has 0 samples"),
-    "second header": ("phase,stiffness\nturned,N/m\n0,1\n", 'line 2: phase "turned" is no finite number'),
-    "line of wrong units": ("phase,stiffness\ndeg,kg\n0,1\n", 'line 2: the header "stiffness [kg]" has the wrong'),
-}
-
-
-@pytest.mark.parametrize("name", WRONG_FILES)
-def test_a_wrong_file_is_one_line(name, tmp_path) -> None:
-    content, expected = WRONG_FILES[name]
-    (tmp_path / "k.csv").write_text(content)
-    found = [str(problem) for problem in errors(tmp_path, "waveform: {kind: sampled, file: k.csv}")]
-    assert len(found) == 1, found
-    assert f"system.meshes.0.waveform.file: {expected}" in found[0]
-    assert '(got "k.csv")' in found[0]
-
-
 def test_files_that_cannot_be_read(tmp_path) -> None:
     def found(name: str) -> str:
         (problem,) = errors(tmp_path, f"waveform: {{kind: sampled, file: {name}}}")
@@ -607,45 +413,6 @@ def test_terms_are_axes(tmp_path) -> None:
     assert system.batch == (2,)
     np.testing.assert_allclose(system.terms[0].stiffness.value(0.0), [0.0, 0.1])
     np.testing.assert_allclose(system.terms[0].left, [[0.3, 0.2], [0.3, 0.3]])
-
-
-WRONG_TERMS = {
-    "nothing": ("{left: [1, 0], right: [0, 1]}", "system.terms.0", "missing"),
-    "empty": ("{left: [1, 0], right: [0, 1], damping: {}}", "system.terms.0.damping", "missing"),
-    "size": ("{left: [1], right: [0, 1], damping: {mean: 1}}", "system.terms.0.left", "wrong_count"),
-    "zeros": ("{left: [1, 0], right: [0, 0], damping: {mean: 1}}", "system.terms.0.right", "only_zeros"),
-    "amplitude": (
-        "{left: [1, 0], right: [0, 1], damping: {mean: 1, contact_ratio: 1.5}}",
-        "system.terms.0.damping.amplitude",
-        "missing",
-    ),
-    "contact ratio": (
-        "{left: [1, 0], right: [0, 1], damping: {amplitude: 1}}",
-        "system.terms.0.damping.contact_ratio",
-        "missing",
-    ),
-    "tooth": (
-        "{left: [1, 0], right: [0, 1], stiffness: {waveform: {kind: tooth}}}",
-        "system.terms.0.stiffness.waveform.kind",
-        "not_applicable",
-    ),
-    "unit": ("{left: [1, 0], right: [0, 1], damping: {mean: 1 kg}}", "system.terms.0.damping.mean", "wrong_dimension"),
-    "two": (
-        "{name: a, left: [1, 0], right: [0, 1], damping: {mean: 1}}\n"
-        "    - {name: a, left: [1, 0], right: [0, 1], damping: {mean: 1}}",
-        "system.terms.1.name",
-        "repeated_name",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", WRONG_TERMS)
-def test_wrong_terms(name, tmp_path) -> None:
-    term, place, code = WRONG_TERMS[name]
-    with pytest.raises(ConfigError) as caught:
-        load(matrices(tmp_path, term))
-    (found,) = caught.value.problems
-    assert (found.path, found.code) == (place, code)
 
 
 TERM = "{left: [1, 0], right: [0, 1], damping: {mean: 1}}"

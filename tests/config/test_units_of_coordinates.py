@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from scenes import ran
 
-from gearstab.cli import group
 from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
 from gearstab.plots import draw
@@ -48,7 +47,7 @@ def responded(folder: Path, support: str) -> Path:
     """The result of ``gearstab respond`` for the train, its pinion supported or not."""
     config, out = folder / "train.yaml", folder / "train.h5"
     config.write_text(GEARBOX.replace(", support: SUPPORT", f", support: {support}" if support else ""))
-    done = CliRunner().invoke(group, ["respond", str(config), "-o", str(out)])
+    done = ran("respond", config, "-o", out)
     assert done.exit_code == 0, done.output
     return out
 
@@ -123,7 +122,7 @@ def test_an_axis_of_input_speed_says_what_mesh_frequency_it_gives(tmp_path: Path
     swept = GEARBOX[: GEARBOX.index("respond:")].replace(", support: SUPPORT", "")
     config, out = tmp_path / "train.yaml", tmp_path / "swept.h5"
     config.write_text(swept + 'sweep: {input_speed: ["600 rpm", "1200 rpm"]}\nmethods: {floquet: {}}\n')
-    done = CliRunner().invoke(group, ["sweep", str(config), "-o", str(out)])
+    done = ran("sweep", config, "-o", out)
     assert done.exit_code == 0, done.output
     with open_result(out) as tree:
         # 20 teeth pass in every turn of the pinion, which turns with the input.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import TRAIN, problems, ran, read, written
+from scenes import TRAIN, ran, read, written
 
 from gearstab.config import ConfigError
 from gearstab.design import check
@@ -26,12 +26,6 @@ system:
   input: {rotor: a, torque: 20.0}
   outputs: [{rotor: b}]
 """
-
-
-def mistakes(folder: Path, old: str, new: str) -> list[str]:
-    """Paths of what is wrong with the section once a part of it is replaced."""
-    assert old in SECTION
-    return [problem.path for problem in problems(folder, TRAIN + SECTION.replace(old, new))]
 
 
 def test_forms_of_variables(tmp_path: Path) -> None:
@@ -85,44 +79,6 @@ design:
     assert design.limits[1].low == 1e-3
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "path"),
-    [
-        ("range:", "ranges:", "design.ranges"),
-        ("[2.0, 6.0]", "[6.0, 2.0]", "design.range.mesh_frequency"),
-        ("[2.0, 6.0]", "[2.0]", "design.range.mesh_frequency"),
-        ("[2.0, 6.0]", "[-1, 6.0]", "design.range.mesh_frequency.0"),
-        ("[2.0, 6.0]}", "[2.0, 6.0], weight: 0}", "design.range.weight"),
-        ("{mesh_frequency: [2.0, 6.0]}", "{speed: [2.0, 6.0]}", "design.range"),
-        ("{mesh_frequency: [2.0, 6.0]}", "[]", "design.range"),
-        ("first.contact_ratio", "first.contact", "design.variables.meshes.first.contact"),
-        ("[1.1, 1.9]", "[1.9, 1.1]", "design.variables.meshes.first.contact_ratio"),
-        ("[1.1, 1.9]", "[0.5, 1.9]", "design.variables.meshes.first.contact_ratio.0"),
-        ("[1.1, 1.9]", "1.5", "design.variables.meshes.first.contact_ratio"),
-        ("[1.1, 1.9]", "{integer: [1, 2]}", "design.variables.meshes.first.contact_ratio"),
-        ("[1.1, 1.9]", "{integers: [1, 2.5]}", "design.variables.meshes.first.contact_ratio.integers"),
-        ("[1.1, 1.9]", "{integers: [1, .inf]}", "design.variables.meshes.first.contact_ratio.integers"),
-        ("[1.1, 1.9]", "{values: []}", "design.variables.meshes.first.contact_ratio.values"),
-        ("[1.1, 1.9]", "{values: [1.2, 1.2]}", "design.variables.meshes.first.contact_ratio.values"),
-        ("[1.1, 1.9]", "{catalogue: none.csv}", "design.variables.meshes.first.contact_ratio.catalogue"),
-        ("[1.1, 1.9]", "[1.1, 1.9], contact_ratio: [1.2, 1.8]", "design.variables.contact_ratio"),
-        ('{values: [1, "1/2"]}', "[0.5, 1]", "design.variables.tooth_ratio"),
-        ("tooth_ratio: {", "mesh_frequency: {", "design.variables.mesh_frequency"),
-        (": instability_width", ": width", "design.minimise"),
-        (": instability_width", ": {growth_rate: -1}", "design.minimise.growth_rate"),
-        (": instability_width", ": [growth_rate, growth_rate]", "design.minimise.1"),
-        (": instability_width", ": instability_width\n  constraints: {width: {max: 1}}", "design.constraints.width"),
-        (": instability_width", ": growth_rate\n  constraints: {growth_rate: 1}", "design.constraints.growth_rate"),
-        (": instab", ": growth_rate\n  constraints: {epsilon: {min: 2, max: 1}} #", "design.constraints.epsilon"),
-    ],
-)  # fmt: skip
-def test_each_mistake_is_named_at_its_place(tmp_path: Path, old: str, new: str, path: str) -> None:
-    found = mistakes(tmp_path, old, new)
-    assert path in found
-    # A key that is missing because it is misspelt is the only consequence that is told.
-    assert set(found) <= {path, "design.range"}
-
-
 def test_all_mistakes_at_once_and_exit_code_2(tmp_path: Path) -> None:
     text = SECTION.replace("[2.0, 6.0]", "[6.0, 2.0]").replace("[1.1, 1.9]", "[1.9]").replace(": instab", ": stab")
     path = written(tmp_path, TRAIN + text)
@@ -131,13 +87,6 @@ def test_all_mistakes_at_once_and_exit_code_2(tmp_path: Path) -> None:
         assert done.exit_code == 2
         assert len(done.stderr.splitlines()) == 3
         assert all(line.startswith(f"{path}:") for line in done.stderr.splitlines())
-
-
-@pytest.mark.parametrize("content", ["", "inertias.0\n", "inertias.0, inertias.0\n1, 2\n", "inertias.0, epsilon\n1\n"])
-def test_a_catalogue_without_choices(tmp_path: Path, content: str) -> None:
-    written(tmp_path, content, "rows.csv")
-    found = mistakes(tmp_path, "[1.1, 1.9]", "[1.1, 1.9], row: {catalogue: rows.csv}")
-    assert found == ["design.variables.row.catalogue"]
 
 
 def test_what_the_system_cannot_give(tmp_path: Path) -> None:

@@ -127,7 +127,7 @@ def test_a_region_of_many_tongues_names_the_leading_ones() -> None:
 
 
 def test_steps_show_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
-    """Standard error of a child on a pseudo-terminal, then on a pipe."""
+    """Standard error of a child on a pseudo-terminal, then what is none."""
     source = written(tmp_path, TRAIN + SWEEP)
     call = [sys.executable, "-m", "gearstab", "report", str(source), "-o", str(tmp_path / "page.html")]
     ours, theirs = pty.openpty()
@@ -141,8 +141,7 @@ def test_steps_show_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
     assert process.returncode == 0
     assert b"uncertainty" in shown
     assert b"75%" in shown
-    piped = subprocess.run(call, capture_output=True, text=True, check=True)
-    assert piped.stderr == f"report: {tmp_path / 'page.html'}\n"
+    assert ran("report", source, "-o", tmp_path / "page.html").stderr == f"report: {tmp_path / 'page.html'}\n"
 
 
 def test_damping_that_suffices(tmp_path: Path) -> None:
@@ -167,12 +166,36 @@ def test_contact_and_uncertainty(tmp_path: Path) -> None:
     assert re.search(r"probability of instability of the given design is at most 1 ", text)
 
 
+def test_a_train_whose_common_period_is_too_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (contact, facts):
+        monkeypatch.setattr(module, "AFFORDABLE", 1)
+    train = TRAIN.replace("tooth_ratio: 1", "tooth_ratio: 3/5\n  damping_ratio: 0.1\n" + LOAD.rstrip())
+    found = page(load(written(tmp_path, train + SWEEP)), lambda text: None)
+    text = " ".join(b.text for b in found.blocks if isinstance(b, Text))
+    assert "one mesh frequency at a time" in text
+    assert "Largest dynamic load factor" in text
+    limits = next(b for b in found.blocks if isinstance(b, BulletList))
+    assert "first-order theory" in limits.items[0]
+
+
+def test_a_region_of_first_order_counts_as_open_where_vibration_grows(tmp_path: Path) -> None:
+    damped = TRAIN.replace("tooth_ratio: 1", "tooth_ratio: 1\n  damping_ratio: 0.05")
+    config = load(written(tmp_path, damped + SWEEP))
+    system = build(config.system)
+    for low, high, verdict in ((5.2, 5.6, facts.OPEN), (4.6, 4.8, facts.OPEN), (6.5, 6.6, facts.NOT_FOUND)):
+        item = facts.Reach("2w3", "higher", (3, 3), low, high, np.nan, 0.05, facts.OPEN, "-")
+        grows = solve(system, np.linspace(2 * low - high, 2 * high - low, 300)).growth_rate.max() > 0
+        assert facts._looked_at(item, config, system).verdict == verdict
+        assert grows == (verdict == facts.OPEN)
+
+
 @pytest.fixture(scope="module")
 def drivetrain() -> Page:
     """The common period is 2128 cycles of the first mesh: nothing is followed over it."""
     return page(load(CONFIGS / "drivetrains/nrel_5mw.yaml"), lambda text: None)
 
 
+@pytest.mark.slow  # 45 s for its page; the train above goes the same way
 def test_a_gearbox_of_a_long_common_period(drivetrain: Page) -> None:
     text = " ".join(b.text for b in drivetrain.blocks if isinstance(b, Text))
     assert "one mesh frequency at a time" in text
@@ -181,6 +204,7 @@ def test_a_gearbox_of_a_long_common_period(drivetrain: Page) -> None:
     assert "first-order theory" in limits.items[0]
 
 
+@pytest.mark.slow
 def test_regions_of_first_order_in_which_nothing_grows_are_not_called_open(drivetrain: Page) -> None:
     """Growth rates decide, and the curve shows them: a region that is open has a rate above zero at its speeds."""
     table = next(b for b in drivetrain.blocks if isinstance(b, Table) and b.header[0] == "region")

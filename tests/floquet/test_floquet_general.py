@@ -7,13 +7,12 @@ from dataclasses import replace
 import mpmath as mp
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from driven import integrated
 from random_trains import light_train
+from scenes import ran
 from systems import DAMPING, G1, G2, MASS, SHAFT, WITH_TERMS, Smooth, friction, train, with_terms
 
 from gearstab.ckernel import exponentials
-from gearstab.cli import group
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.dispatch import reduction
 from gearstab.floquet.general import analyse
@@ -226,7 +225,7 @@ def test_commands_take_terms_beside_rectangular_waves(tmp_path, text, command):
     (tmp_path / "case.yaml").write_text(text)
     path, out = str(tmp_path / "case.yaml"), str(tmp_path / "out.h5")
     arguments = {"sweep": ["sweep", path, "-o", out], "dry run": ["sweep", path, "--dry-run"], "info": ["info", path]}
-    result = CliRunner().invoke(group, arguments[command])
+    result = ran(*arguments[command])
     assert result.exit_code == 0, result.output
     if command == "info":
         assert "With its damping, the means of its terms and held rotations it moves so" in result.output

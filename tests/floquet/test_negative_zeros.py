@@ -5,10 +5,7 @@ from __future__ import annotations
 import h5py
 import numpy as np
 import pytest
-from click.testing import CliRunner
-from scenes import TRAIN
-
-from gearstab.cli import group
+from scenes import TRAIN, ran
 
 SWEEP = (
     TRAIN
@@ -42,7 +39,7 @@ respond: {mesh_frequency: 2.0, cycles: 20, initial: {displacement: [1.6]}}
 def test_zeros_have_no_sign(tmp_path, command, text, changes):
     path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
     path.write_text(text)
-    done = CliRunner().invoke(group, [command, str(path), "-o", str(out), *changes])
+    done = ran(command, path, "-o", out, *changes)
     assert done.exit_code == 0, done.output
     negative = []
 

@@ -86,28 +86,6 @@ def test_a_response_at_an_input_speed_is_that_at_its_mesh_frequency(tmp_path: Pa
     assert config.tree["respond"]["mesh_frequency"] == config.respond.mesh_frequency
 
 
-@pytest.mark.parametrize(
-    ("text", "path", "message"),
-    [
-        (PAIR.replace("teeth: [20, 63], ", "") + SWEEP, "sweep.input_speed", "teeth are not known"),
-        (PAIR.replace("teeth: [20, 63], ", "") + "respond: {input_speed: 9, cycles: 3}\n", "respond.input_speed",
-         "teeth are not known"),
-        (PAIR + "respond: {input_speed: 9, mesh_frequency: 3, cycles: 3}\n", "respond.input_speed", "given already"),
-        (PAIR + "respond: {cycles: 3}\n", "respond.mesh_frequency", "is missing"),
-        (PAIR + "respond: {input_speed: 9 kg, cycles: 3}\n", "respond.input_speed", "dimension"),
-        (TRAIN.replace("teeth:", "tooth_ratio: 2, teeth:") + SWEEP, "system.tooth_ratio", "Z2/Z4 = 34/21"),
-        (PLANETARY + "  input: ring\n" + SWEEP, "system.input", "is fixed"),
-        (PLANETARY + "  fixed: sun\n" + SWEEP, "system.fixed", "is fixed"),
-        (PAIR.replace("teeth:", "module: 2 mm, teeth:") + SWEEP, "system.module", "unknown key"),
-        ("system: {kind: gear_pair, teeth: [20, 63], module: 2 mm}\n" + SWEEP, "system.teeth",
-         "inertias, torsional_stiffness, torque, contact_ratio are missing"),
-    ],
-)  # fmt: skip
-def test_mistakes(tmp_path: Path, text: str, path: str, message: str) -> None:
-    found = problems(tmp_path, text)
-    assert any(problem.path == path and message in problem.message for problem in found), found
-
-
 def test_a_naive_pair_is_told_what_it_may_leave_out(tmp_path: Path) -> None:
     (problem,) = problems(tmp_path, PAIR.replace("teeth:", "face_width: 20 mm, teeth:") + SWEEP)
     assert problem.path == "system.face_width"

@@ -22,7 +22,6 @@ SCENE = configuration(
     "angles: assemble", "ring: {kind: rigid}", "teeth: {sun: 27, planet: 20}",
     "supports: {carrier: 2.0e+8, sun: 2.0e+8, planet: 3.0e+8, ring: 1.0e+8, ring_rotation: 1.0e+8}",
 )  # fmt: skip
-ASSEMBLE = "  angles: assemble\n"
 BY_PHASES = {"teeth: {sun: 27, planet: 20}": "phases: {sun: [0, 0, 0, 0], sun_ring: 0.5}"}
 
 
@@ -137,20 +136,6 @@ def test_angles_that_do_not_fit_are_refused_with_the_nearest_that_do(tmp_path: P
     assert f"{float(degrees):.7g} deg" in problem.hint
     right = [f'"{360 * step / 94:.7g} deg"' for step in (0, 24, 47, 71)]
     read(tmp_path, text(**{"angles: assemble": f"angles: [{', '.join(right)}]"}))
-
-
-@pytest.mark.parametrize(
-    ("lines", "path"),
-    [
-        ({ASSEMBLE: ""}, "system.teeth"),
-        ({"angles: assemble": "angles: [0, 1, 2]"}, "system.angles"),
-        ({"angles: assemble": "angles: nearest"}, "system.angles"),
-        (BY_PHASES, "system.angles"),
-    ],
-    ids=["equal", "three", "a word", "no teeth"],
-)
-def test_mistakes(tmp_path: Path, lines: dict[str, str], path: str) -> None:
-    assert [problem.path for problem in problems(tmp_path, text(**lines))] == [path]
 
 
 def test_an_axis_of_teeth_at_which_the_angles_do_not_fit_is_refused(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven import integrated_along, train, with_waves
+from driven import integrated, integrated_along, train, with_waves
 from scipy.integrate import solve_ivp
 
 import gearstab as gs
@@ -206,42 +206,12 @@ def test_multipliers_with_smooth_waves(holds: bool, damped: bool) -> None:
     found = solve(system, omega, exponents=True)
     assert not np.any(found.status & STATUS_FLAGS["not_converged"])
     for k in (4, 51):
-        product, period = integrated_period(system, float(omega[k]))
+        period = 2 * np.pi * float(system.common_period()[0]) / omega[k]
+        product = integrated(system, float(omega[k]), np.eye(2 * system.size), period)
         expected, own = np.linalg.eigvals(product), np.exp(found.exponents[0, k] * period)
         gap = np.abs(own[:, None] - expected)
         # The tolerance of the multipliers, relative to the largest.
         assert max(gap.min(axis=0).max(), gap.min(axis=1).max()) < 2e-9 * np.abs(expected).max()
-
-
-def integrated_period(system: GearSystem, omega: float) -> tuple[Array, float]:
-    """(monodromy matrix of (q, q'), the common period) at one mesh frequency."""
-    n, (cycles, _) = system.size, system.common_period()
-    (rotation,) = system.rotations
-    w = float(rotation.speed) if rotation.speed_ratio is None else float(rotation.speed_ratio) * omega
-    static, drag = system.stiffness.copy(), system.damping_matrix.copy()
-    for matrix, target, factor in (
-        (rotation.gyroscopic, drag, w), (rotation.circulatory, static, w), (rotation.centripetal, static, w**2),
-    ):  # fmt: skip
-        if matrix is not None:
-            target += factor * matrix
-    kinks = [0.0, 2 * np.pi * float(cycles) / omega]
-    for mesh in system.meshes:
-        ratio = float(mesh.frequency_ratio)
-        every = (np.ravel(mesh.waveform.breakpoints())[:, None] + float(mesh.lag) + np.arange(-2, 40)) / ratio
-        kinks += [t for t in np.ravel(every * 2 * np.pi / omega) if 0 < t < kinks[1]]
-
-    def slope(t: float, x: Array) -> Array:
-        stiffness = static.copy()
-        for mesh in system.meshes:
-            wave = mesh.waveform.value(np.array(float(mesh.frequency_ratio) * omega * t / (2 * np.pi) - mesh.lag))
-            stiffness += mesh.mean_stiffness * (1 + 2 * mesh.epsilon * wave) * mesh.outer
-        q = x.reshape(2 * n, 2 * n)
-        return np.concatenate([q[n:], np.linalg.solve(system.mass, -stiffness @ q[:n] - drag @ q[n:])]).ravel()
-
-    state = np.eye(2 * n).ravel()
-    for begin, end in pairwise(sorted(kinks)):
-        state = solve_ivp(slope, (begin, end), state, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-    return state.reshape(2 * n, 2 * n), kinks[1]
 
 
 def test_units_do_not_matter() -> None:
@@ -271,30 +241,6 @@ def test_a_method_that_does_not_declare_it_refuses(name: str) -> None:
 
 
 BASE: dict[str, Any] = section(RANDOM[0]["system"])
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (
-            {"gyroscopic": [[0, 1.0], [-1.1, 0]]},
-            "rotation.0.gyroscopic.0.1: must be skew: entry 0.1 is 1, entry 1.0 is -1.1",
-        ),
-        ({"gyroscopic": [[0.5, 1.0], [-1.0, 0]]}, "rotation.0.gyroscopic.0.0: must be skew"),
-        ({"centripetal": [[-1, 0.2], [0.1, -1]]}, "rotation.0.centripetal.0.1: must be symmetric"),
-        ({"gyroscopic": [[0, 1]]}, "rotation.0.gyroscopic: has 1 rows"),
-        ({"speed": "30 rpm"}, "rotation.0.speed: speed_ratio is given already"),
-        ({"speed_ratio": None}, "speed_ratio or speed is missing"),
-        ({"speed_ratio": 0.123456}, "the ratio must be exact"),
-        ({"gyroscopic": None}, "has no matrix"),
-    ],
-)
-def test_mistakes_get_a_line(change: dict[str, Any], said: str) -> None:
-    rotation = {key: value for key, value in (BASE["rotation"] | change).items() if value is not None}
-    with pytest.raises(ConfigError) as raised:
-        load({"system": BASE | {"rotation": rotation}})
-    assert said in str(raised.value)
-    assert len(raised.value.problems) == 1
 
 
 def test_from_a_file_to_a_map(tmp_path: FilePath) -> None:

@@ -261,34 +261,11 @@ def test_mesh_forces_are_those_of_the_whole_mesh() -> None:
     assert len(np.unique(np.round(found.mesh_force[off][:200, 0], 3))) > 100
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"gear": "c"}, "system.meshes.0.faults.0.gear: 'c' is no gear of this mesh"),
-        ({"tooth": 18}, "system.meshes.0.faults.0.tooth: gear 'a' has 17 teeth"),
-        ({"kind": "chip"}, "is no fault"),
-        ({"factor": 1.2}, "must be < 1"),
-    ],
-)
-def test_what_is_wrong_is_told(tmp_path: Path, change: dict[str, Any], said: str) -> None:
-    mesh = {"name": "mesh", "gears": ["a", "b"], "faults": [{"gear": "a", "factor": 0.6} | change]}
-    text = json.dumps({"system": TRAIN | {"meshes": [mesh]}})
-    (problem,) = problems(tmp_path, text)
-    assert said in str(problem)
-
-
 def test_two_weak_teeth_that_meet_must_leave_some_stiffness(tmp_path: Path) -> None:
     faults = [{"gear": "a", "factor": 0.4}, {"gear": "b", "factor": 0.3}]
     text = json.dumps({"system": TRAIN | {"meshes": [{"name": "mesh", "gears": ["a", "b"], "faults": faults}]}})
     (problem,) = problems(tmp_path, text)
     assert "both weak teeth meet" in str(problem)
-
-
-@pytest.mark.parametrize("other", [{"friction": {"coefficient": 0.05}}, {"backlash": "0.1 mm"}])
-def test_what_faults_exclude(tmp_path: Path, other: dict[str, Any]) -> None:
-    mesh = {"name": "mesh", "gears": ["a", "b"], "faults": [{"gear": "a", "factor": 0.6}]} | other
-    (problem,) = problems(tmp_path, json.dumps({"system": TRAIN | {"meshes": [mesh]}}))
-    assert "not available with faults" in str(problem)
 
 
 def test_info_tells_period_and_sidebands(tmp_path: Path) -> None:

@@ -141,33 +141,6 @@ def test_a_path_too_long_to_follow_is_flagged(tmp_path, monkeypatch):
     assert np.isfinite(found["growth"].values).all()
 
 
-@pytest.mark.parametrize(
-    ("method", "sweep", "path", "said"),
-    [
-        ("{}", "", "passage", "neither rates nor a path"),
-        ("{rate: [0.1], path: [[0, 1], [1, 2]]}", "", "passage", "has rate and path"),
-        ("{rate: [0.1, 0]}", "", "passage.rate", "a rate of 0"),
-        ("{rate: [0.1, 0.1]}", "", "passage.rate", "has a rate twice"),
-        ("{rate: []}", "", "passage.rate", "at least"),
-        ("{rate: [3 mm/s]}", "", "passage.rate.0", "wrong dimension"),
-        ("{rate: [3 1/s^2]}", "", "passage.rate.0", "radians or turns"),
-        ("{path: [[0, 1], [0, 2]]}", "", "passage.path", "the time 0 after 0"),
-        ("{path: [[0, 1], [1, -2]]}", "", "passage.path", "not positive"),
-        ("{path: [[0, 1]]}", "", "passage.path", "at least"),
-        ("{table: nothing.csv}", "", "passage.table", "nothing.csv"),
-        ("{rate: [1], amplification: 1}", "", "passage.amplification", "> 1"),
-        ("{rate: [1]}", "epsilon: [0.1, 0.2]", "passage", "needs a mesh_frequency axis"),
-        ("{rate: [1]}", "mesh_frequency: [2.0]", "sweep.mesh_frequency", "is no range"),
-    ],
-)
-def test_mistakes(tmp_path, method, sweep, path, said):
-    text = f"{TRAIN}sweep: {{{sweep or 'mesh_frequency: [1.0, 2.0]'}}}\nmethods: {{passage: {method}}}\n"
-    found = [str(problem) for problem in problems(tmp_path, text)]
-    assert len(found) == 1, found
-    assert f": {path if path.startswith('sweep') else 'methods.' + path}: " in found[0]
-    assert said in found[0]
-
-
 def test_units_of_a_rate():
     from gearstab.config.model.units import to_si
 

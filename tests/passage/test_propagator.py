@@ -1,10 +1,10 @@
 """The exact motion along a path, against direct integration of the time-varying equation."""
 
-from itertools import pairwise
+from fractions import Fraction
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from driven import integrated_along
 from systems import train
 
 from gearstab.mesh import Mesh
@@ -33,66 +33,17 @@ def chain(waves, ratios, damping=0.01, epsilon=0.3):
 
 
 def rectangular():
-    from fractions import Fraction
-
     return chain([Rectangular(np.array(1.5)), Rectangular(np.array(1.7))], [Fraction(1), Fraction(3, 5)])
 
 
 def trapezoidal():
-    from fractions import Fraction
-
     waves = [Trapezoidal(np.array(1.5), np.array(0.2)), Rectangular(np.array(1.6))]
     return chain(waves, [Fraction(1), Fraction(3, 5)])
 
 
-def jumps(system, path):
-    """When any wave has a jump or kink: zeros of theta(t) - theta_jump on every straight piece of Omega(t)."""
-    found = []
-    for mesh in system.meshes:
-        ratio = float(mesh.frequency_ratio)
-        cycles = np.arange(-2, ratio * path.phase[-1] / (2 * np.pi) + 2)
-        for place in np.ravel(mesh.waveform.breakpoints()):
-            for target in 2 * np.pi * (cycles + place + float(mesh.lag)) / ratio:
-                theta = 0.0
-                for k in range(len(path.time) - 1):
-                    span, first = path.time[k + 1] - path.time[k], path.mesh_frequency[k]
-                    slope = (path.mesh_frequency[k + 1] - first) / span
-                    roots = np.roots([0.5 * slope, first, theta - target] if slope else [first, theta - target])
-                    found += [path.time[k] + r.real for r in roots if abs(r.imag) < 1e-9 and 0 <= r.real <= span]
-                    theta += first * span + 0.5 * slope * span**2
-    return np.unique(np.round([0.0, *found, *path.time], 12))
-
-
-def integrated(system, path):
-    """Phi(T, 0) of (q, q') by DOP853, begun anew at every jump and knot."""
-    n = system.size
-    inverse = np.linalg.inv(system.mass)
-    damping = np.zeros((n, n)) if system.damping is None else system.damping
-    state = np.eye(2 * n)
-    moments = jumps(system, path)
-    for begin, end in pairwise(moments):
-        if end - begin < 1e-11:
-            continue
-        k = min(np.searchsorted(path.time, 0.5 * (begin + end)) - 1, len(path.time) - 2)
-
-        def theta(t, k=k):
-            since = t - path.time[k]
-            slope = (path.mesh_frequency[k + 1] - path.mesh_frequency[k]) / (path.time[k + 1] - path.time[k])
-            return path.phase[k] + path.mesh_frequency[k] * since + 0.5 * slope * since**2
-
-        def slope(t, y, begin=begin, end=end, theta=theta):
-            inner = min(max(t, begin + 1e-10 * (end - begin)), end - 1e-10 * (end - begin))
-            stiffness = np.array(system.stiffness)
-            for mesh in system.meshes:
-                phase = np.array([float(mesh.frequency_ratio) * theta(inner) / (2 * np.pi) - float(mesh.lag)])
-                level = mesh.mean_stiffness + 2 * mesh.amplitude * float(mesh.waveform.value(phase)[0])
-                stiffness = stiffness + level * np.outer(mesh.direction, mesh.direction)
-            y = y.reshape(2 * n, -1)
-            return np.concatenate([y[n:], -inverse @ (damping @ y[n:] + stiffness @ y[:n])]).ravel()
-
-        found = solve_ivp(slope, (begin, end), state.ravel(), method="DOP853", rtol=1e-10, atol=1e-13)
-        state = found.y[:, -1].reshape(2 * n, 2 * n)
-    return state
+def through(system, path):
+    """Phi(T, 0) of (q, q')."""
+    return integrated_along(system, path, path.time[[0, -1]], np.eye(2 * system.size))[-1]
 
 
 def amplitude(system, propagator):
@@ -118,7 +69,7 @@ def test_direct_integration_says_the_same(which, make):
     whole, scale = np.eye(6), 0.0
     for chunk in motion(system).chunks(path, 7):
         whole, scale = chunk.matrix @ whole, scale + chunk.scale
-    reference = integrated(system, path)
+    reference = through(system, path)
     # The state of the propagator is another one, of the same energy.
     assert np.exp(scale) * np.linalg.norm(whole, 2) == pytest.approx(amplitude(system, reference), rel=1e-6)
     found = growth(motion(system), path)
@@ -127,13 +78,11 @@ def test_direct_integration_says_the_same(which, make):
 
 
 def test_a_smooth_wave():
-    from fractions import Fraction
-
     wave = Fourier(np.array([0.3, 0.1]), np.array([0.2, -0.05]))
     system = chain([wave, wave], [Fraction(1), Fraction(2)])
     path = Path.ramp(1.5, 2.5, 0.05)
     assert np.exp(growth(motion(system), path).through) == pytest.approx(
-        amplitude(system, integrated(system, path)), rel=1e-6
+        amplitude(system, through(system, path)), rel=1e-6
     )
 
 
@@ -174,7 +123,6 @@ def test_growth_beyond_double_precision_is_a_number():
 
 def _exact(mesh):
     from dataclasses import replace
-    from fractions import Fraction
 
     return replace(mesh, frequency_ratio=Fraction(1))
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 from systems import random_rotation, turned_star
-from tongues import damping_matrix, first_outside, log_growth, scaled, segments, squared_half_width, train, with_damping
+from tongues import damping_matrix, first_outside, log_growth, scaled, squared_half_width, train, with_damping
 
 from gearstab.floquet import solve
 from gearstab.mesh import Mesh
@@ -212,7 +212,7 @@ def test_three_meshes_at_three_frequencies() -> None:
     )
     factor = rng.normal(size=(5, 5))
     system = GearSystem(np.diag([1.0, 0.8, 1.3, 0.6, 2.0]), factor @ factor.T + np.eye(5), meshes)
-    assert segments(system)[0] == 2.0
+    assert system.common_period()[0] == 2
     w = mean_modes(system).natural_frequency
     tongues = first_order(system, 1)
     assert {t.mesh for t in tongues.index} == {"m0+m1", "m1", "m0+m1+m2"}

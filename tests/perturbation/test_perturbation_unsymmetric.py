@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
+from scenes import ran
 
-from gearstab.cli import group
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.general import analyse
 from gearstab.mesh import Mesh, PeriodicTerm
@@ -453,7 +452,7 @@ methods:
 def test_a_sweep_over_friction_against_floquet(tmp_path: Path) -> None:
     (tmp_path / "case.yaml").write_text(SWEEP)
     out = tmp_path / "out.h5"
-    done = CliRunner().invoke(group, ["sweep", str(tmp_path / "case.yaml"), "-o", str(out)])
+    done = ran("sweep", tmp_path / "case.yaml", "-o", out)
     assert done.exit_code == 0, done.output
     with xr.open_datatree(out) as tree:
         data, stable = tree["perturbation"].to_dataset(), tree["floquet"]["stable"].values.reshape(-1, 2)

@@ -8,12 +8,10 @@ import numpy as np
 import plot_results as made
 import pytest
 import xarray as xr
-from click.testing import CliRunner
 from ruamel.yaml import YAML
-from scenes import TRAIN
+from scenes import TRAIN, ran
 
 import gearstab
-from gearstab.cli import group
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
 from gearstab.plots.cases import thinned
@@ -157,7 +155,7 @@ def test_the_largest_of_too_many_histories_are_drawn() -> None:
 
 def test_the_command_says_what_a_figure_leaves_out(tmp_path: Path) -> None:
     histories(25, 8).to_netcdf(tmp_path / "r.h5", engine="h5netcdf")
-    done = CliRunner().invoke(group, ["plot", str(tmp_path / "r.h5"), "--dpi", "50"])
+    done = ran("plot", tmp_path / "r.h5", "--dpi", "50")
     assert done.exit_code == 0, done.output
     assert "note: shows the mesh forces and the energy" in done.output
 

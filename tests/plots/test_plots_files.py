@@ -12,11 +12,10 @@ import numpy as np
 import plot_results as made
 import pytest
 import xarray as xr
-from click.testing import CliRunner
 from plot_results import planetary
+from scenes import ran
 
 import gearstab as gs
-from gearstab.cli import group
 from gearstab.cli.plot import points
 from gearstab.cli.terminal import selections
 from gearstab.errors import PlotError, ResultError, UserError
@@ -188,7 +187,7 @@ def result(tmp_path_factory):
 
 
 def run(*arguments):
-    return CliRunner().invoke(group, ["plot", *map(str, arguments)])
+    return ran("plot", *arguments)
 
 
 def test_the_figure_lies_beside_the_result(result):

@@ -1,4 +1,4 @@
-"""Driven gear systems, and their motion by numerical integration in physical coordinates, from the definition."""
+"""Driven gear systems, and their motion in physical coordinates by integration and exponentials."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import systems
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
 from systems import unequal
 
@@ -103,6 +104,11 @@ def force_and_matrices(system: GearSystem, omega: float, t: float) -> tuple[Arra
             damping += term.damping.value(np.asarray(x)) * outer
     for item in system.forces:
         force += item.profile.value(np.asarray(float(item.frequency_ratio) * turns - item.lag)) * item.direction
+    for turn in system.rotations:
+        w = float(turn.speed) if turn.speed_ratio is None else float(turn.speed_ratio) * omega
+        damping += w * (0 if turn.gyroscopic is None else turn.gyroscopic)
+        stiffness += w * (0 if turn.circulatory is None else turn.circulatory)
+        stiffness += w**2 * (0 if turn.centripetal is None else turn.centripetal)
     return force, stiffness, damping
 
 
@@ -175,12 +181,38 @@ def mesh_force(system: GearSystem, i: int, omega: float, t: float, deflection: f
     )
 
 
+def generators(system: GearSystem, steps: int = 1) -> list[tuple[float, Array]]:
+    """Parts of the common period (in radians of the first mesh) and the matrix of (q, q') in the middle of each.
+
+    steps: parts of a cycle of the first mesh, besides those between jumps and kinks.
+    """
+    cycles = float(system.common_period()[0])
+    equal = 2 * np.pi * np.arange(np.ceil(cycles * steps)) / steps
+    edges = np.unique(np.concatenate([breaks(system, 1.0, 2 * np.pi * cycles), equal]))
+    n, inverse, found = system.size, np.linalg.inv(system.mass), []
+    for begin, end in pairwise(edges[np.append(np.diff(edges) > 1e-12, True)]):
+        _, stiffness, damping = force_and_matrices(system, 1.0, 0.5 * (begin + end))
+        matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ stiffness, -inverse @ damping]])
+        found.append((float(end - begin), matrix))
+    return found
+
+
+def monodromy(system: GearSystem, omega: Array, steps: int = 1) -> Array:
+    """The product of matrix exponentials over the common period ``(points, 2n, 2n)``; exact where all is constant
+    between jumps and nothing turns.
+    """
+    total = np.eye(2 * system.size)
+    for part, matrix in generators(system, steps):
+        total = expm(matrix * (part / np.asarray(omega))[:, None, None]) @ total
+    return total
+
+
 def integrated(
     system: GearSystem, omega: float, start: Array, end: float, extra: Callable[..., Array] | None = None
 ) -> Array:
     """(q, q', integrals of ``extra``(t, q, v)) at the end, from (q, q') at 0, by DOP853 restarted at every break.
 
-    start: one state, or several of a system without forces as columns.
+    start: one state, or several as columns, of which the motion without forces is followed.
     """
     n, inverse = system.size, np.linalg.inv(system.mass)
     integrals = 0 if extra is None else len(extra(0.1, start[:n], start[n:]))
@@ -195,7 +227,7 @@ def integrated(
             y = y.reshape(shape)
             q, v = y[:n], y[n : 2 * n]
             more = y[2 * n :] if extra is None else extra(inner, q, v)
-            push = force.reshape(n, *(1,) * (len(shape) - 1))
+            push = force if len(shape) == 1 else 0
             return np.concatenate([v, inverse @ (push - stiffness @ q - damping @ v), more]).ravel()
 
         state = solve_ivp(rate, (a, b), state.ravel(), "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
@@ -203,39 +235,40 @@ def integrated(
 
 
 def integrated_along(system: GearSystem, path: Path, times: Array, start: Array) -> Array:
-    """(q, q') at times of a straight path, from (q, q') at 0, by DOP853 begun anew at every jump.
+    """(q, q') at times of a path, from (q, q') at 0, by DOP853 begun anew at every jump and knot.
 
-    start: one state, or several of a system without forces as columns. Rotations have gyroscopic, circulatory and
-    centripetal matrices with exact ratios.
+    start: one state, or several as columns, of which the motion without forces is followed. Rotations have exact ratios
+    and gyroscopic matrices.
     """
     n, inverse, shape = system.size, np.linalg.inv(system.mass), start.shape
-    first, slope, end = path.mesh_frequency[0], path.rate[0], float(times[-1])
-
-    def theta(t: float) -> float:
-        return first * t + 0.5 * slope * t**2
-
-    phases = breaks(system, 1.0, theta(end))
-    moments = (np.sqrt(first**2 + 2 * slope * phases) - first) / slope
+    moments = path.time[:-1]
+    for k, first in enumerate(path.mesh_frequency[:-1]):
+        # Zeros of theta(t) - theta_jump on every straight piece.
+        beyond = breaks(system, 1.0, path.phase[k + 1]) - path.phase[k]
+        beyond = beyond[beyond > 0]
+        since = 2 * beyond / (first + np.sqrt(np.maximum(first**2 + 2 * path.rate[k] * beyond, 0.0)))
+        moments = np.append(moments, path.time[k] + since)
+    moments = moments[moments <= times[-1]]
     # Begun anew at samples too: between its steps DOP853 is less accurate.
     moments = np.concatenate([times, moments[np.abs(times[:, None] - moments).min(axis=0) > 1e-11]])
     order = np.argsort(moments)
     moments, sample = moments[order], order < len(times)
     state, found = start, [start]
     for a, b in pairwise(moments):
+        k = min(int(np.searchsorted(path.time, 0.5 * (a + b))), len(path.rate)) - 1
 
-        def rate(t: float, y: Array, a: float = a, b: float = b) -> Array:
+        def rate(t: float, y: Array, a: float = a, b: float = b, k: int = k) -> Array:
             t = min(max(t, a + 1e-9 * (b - a)), b - 1e-9 * (b - a))
-            speed = first + slope * t
+            since = t - path.time[k]
+            speed = path.mesh_frequency[k] + path.rate[k] * since
+            theta = path.phase[k] + (path.mesh_frequency[k] + 0.5 * path.rate[k] * since) * since
             # At the phase theta and the speed of the moment.
-            force, stiffness, damping = force_and_matrices(system, speed, theta(t) / speed)
+            force, stiffness, damping = force_and_matrices(system, speed, theta / speed)
             for turn in system.rotations:
-                w = float(turn.speed_ratio) * speed
-                damping = damping + w * turn.gyroscopic
-                stiffness = stiffness + w * turn.circulatory + w**2 * turn.centripetal
                 # The Euler force of a turning frame.
-                stiffness = stiffness + 0.5 * float(turn.speed_ratio) * slope * turn.gyroscopic
+                stiffness += 0.5 * float(turn.speed_ratio) * path.rate[k] * turn.gyroscopic
             y = y.reshape(shape)
-            push = force.reshape(n, *(1,) * (len(shape) - 1))
+            push = force if len(shape) == 1 else 0
             pull = stiffness @ y[:n] + damping @ y[n:]
             return np.concatenate([y[n:], inverse @ (push - pull)]).ravel()
 

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import signal
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
+import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner, Result
+from hypothesis import HealthCheck, settings
 from pydantic import BaseModel
 
 from gearstab.cli import group, main
 from gearstab.config import Config, ConfigError, Problem, load
 from gearstab.results import open_result
-from gearstab.sweep import plan, run
+from gearstab.sweep import Reporter, plan, run
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS, DOCS, DATA = ROOT / "configs", ROOT / "docs", ROOT / "tests" / "data"
@@ -107,6 +113,51 @@ def code(*words: str) -> int:
         main(words)
     assert isinstance(raised.value.code, int)
     return raised.value.code
+
+
+def examples(few: int, many: int) -> settings:
+    """Generated examples by number: many where slow tests are run. They may take long, and share a folder."""
+    count = many if "GEARSTAB_THOROUGH" in os.environ else few
+    return settings(max_examples=count, suppress_health_check=list(HealthCheck))
+
+
+def data_of(path: Path) -> dict[str, tuple[tuple[int, ...], bytes]]:
+    """Shapes and bytes of all variables of a result."""
+    found = {}
+    with h5py.File(path) as file:
+
+        def keep(name: str, item: object) -> None:
+            if isinstance(item, h5py.Dataset):
+                values = item.asstr()[...].astype("U") if item.dtype.kind == "O" else item[...]
+                found[name] = item.shape, np.asarray(values).tobytes()
+
+        file.visititems(keep)
+    return found
+
+
+class Told(Reporter):
+    """Keeps what is said."""
+
+    def __init__(self) -> None:
+        self.messages: list[str] = []
+
+    def message(self, text: str) -> None:
+        self.messages.append(text)
+
+
+def until(done: Callable[[], bool], what: str) -> None:
+    """Wait for something that comes soon; ten minutes are for machines that have much else to do."""
+    end = time.monotonic() + 600.0
+    while not done():
+        if time.monotonic() > end:
+            pytest.fail(f"still waiting for {what}")
+        time.sleep(0.01)
+
+
+def heed() -> None:
+    """Heed all signals, also where the tests run in the background or under nohup, which ignore some."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def plain(value: Any) -> Any:

@@ -16,8 +16,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import oracle
-from scipy.linalg import expm
+from driven import monodromy
 from systems import two_stage
 
 from gearstab.floquet import solve
@@ -39,31 +38,9 @@ def scaled(system: GearSystem, factor: float) -> GearSystem:
     return replace(system, meshes=tuple(replace(m, epsilon=np.asarray(m.epsilon) * factor) for m in system.meshes))
 
 
-def segments(system: GearSystem) -> tuple[float, list[tuple[float, np.ndarray]]]:
-    """(period, [(duration, K)]) in units of 2 pi/Omega for a single system."""
-    p, outer = oracle.plain(system), [mesh.outer for mesh in system.meshes]
-    pieces = [
-        (float(duration), system.stiffness + sum(float(k) * g for k, g in zip(levels, outer, strict=True)))
-        for duration, levels in oracle.segments(p)
-        if duration
-    ]
-    return float(oracle.common_period(p)), pieces
-
-
-def monodromy(system: GearSystem, omega: np.ndarray) -> np.ndarray:
-    """The product of matrix exponentials over the common period, ``(points, 2n, 2n)``."""
-    n, inverse = system.size, np.linalg.inv(system.mass)
-    damping = np.zeros((n, n)) if system.damping is None else system.damping
-    total = np.eye(2 * n)
-    for duration, stiffness in segments(system)[1]:
-        generator = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ stiffness, -inverse @ damping]])
-        total = expm(generator * (2 * np.pi * duration / omega)[:, None, None]) @ total
-    return total
-
-
 def collision(system: GearSystem, omega: np.ndarray, pair: tuple[float, float], nu: float) -> np.ndarray:
     """f(Omega) of the two multipliers that meet near nu Omega = w_p + w_q."""
-    turns = 2 * np.pi * segments(system)[0]
+    turns = 2 * np.pi * float(system.common_period()[0])
     sign = (-1) ** round(nu * turns / (2 * np.pi))
     meeting = sign * np.exp(0.5j * (pair[0] - pair[1]) * turns / omega)
     values = np.linalg.eigvals(monodromy(system, omega))

@@ -7,11 +7,9 @@ from math import tau
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-from scenes import ROOT
+from scenes import ROOT, ran
 from systems import train
 
-from gearstab.cli import group
 from gearstab.config import load
 from gearstab.response.command import computed, effort
 
@@ -81,7 +79,7 @@ def test_it_is_said_where_it_is_long(folder: Path, monkeypatch: pytest.MonkeyPat
     path, option = SHORT[name]
     for limit, quiet, told in ((20.0, [], False), (1e-9, [], True), (1e-9, ["-q"], False)):
         monkeypatch.setattr(effort, "LONG", limit)
-        done = CliRunner().invoke(group, ["respond", str(path), "--set", option, "-o", "out.h5", *quiet])
+        done = ran("respond", path, "--set", option, "-o", "out.h5", *quiet)
         assert done.exit_code == 0, done.output
         assert ("note: this takes some " in done.stderr) is told
 

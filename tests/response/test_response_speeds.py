@@ -7,13 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from driven import CASES, force_peaks, pair, train, with_waves
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import ROOT, plain
+from scenes import ROOT, plain, ran
 
-from gearstab.cli import group
 from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.modal import static_mesh_force
@@ -216,7 +214,7 @@ methods:
 
 
 def run(path: Path, *arguments: str) -> object:
-    return CliRunner().invoke(group, ["sweep", str(path), *arguments])
+    return ran("sweep", path, *arguments)
 
 
 def test_a_sweep_writes_the_responses_over_its_axes(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -36,6 +37,7 @@ respond: {mesh_frequency: 5, cycles: 2, initial: {velocity: [1, 0, 0]}}
 )
 
 unix = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
 linux = pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 
 
@@ -182,7 +184,7 @@ def test_an_open_file_is_continued(folder: Path) -> None:
     log.write_text("before\n")
     with open(log, "ab") as file:
         command = [sys.executable, "-m", "gearstab", "export", "sweep.h5", "-o", "/dev/stdout"]
-        subprocess.run(command, stdout=file, check=True, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
+        subprocess.run(command, stdout=file, check=True, env=ENVIRONMENT)
     lines = log.read_text().splitlines()
     assert lines[0] == "before"
     assert len(lines) == 1 + 1 + 10
@@ -343,35 +345,47 @@ def test_contents_know_their_like(folder: Path) -> None:
                 content.refuse(folder / name)
 
 
+FULL = "standard output: no space left on device\n"
+
+
 @linux
 @pytest.mark.parametrize(
     "words",
     ["export sweep.h5 -o -", "info train.yaml", "info sweep.h5", "sweep train.yaml --dry-run", "schema",
      "check train.yaml"],
 )  # fmt: skip
-def test_a_full_standard_output_is_one_line(folder: Path, words: str) -> None:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+def test_a_full_standard_output_is_one_line(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: str
+) -> None:
+    with open("/dev/full", "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        assert code(*words.split()) == 1
+        monkeypatch.undo()
+        with suppress(OSError):
+            full.close()
+    assert capsys.readouterr().err == FULL
+
+
+@linux
+def test_a_full_standard_output_of_a_process_is_one_line(folder: Path) -> None:
     with open("/dev/full", "wb") as full:
-        command = [sys.executable, "-m", "gearstab", *words.split()]
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, env=environment)
-    assert done.returncode == 1
-    assert done.stderr == "standard output: no space left on device\n"
+        command = [sys.executable, "-m", "gearstab", "check", "train.yaml"]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT)
+    assert (done.returncode, done.stderr) == (1, FULL)
 
 
 @unix
 def test_a_reader_that_had_enough_ends_a_command_without_a_word(folder: Path) -> None:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     command = f"set -o pipefail; {sys.executable} -m gearstab schema | head -c 1"
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, env=environment)
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, env=ENVIRONMENT)
     assert (done.stdout, done.stderr) == ("{", "")
 
 
 @unix
 @pytest.mark.parametrize("streams", [pytest.param("2>&-", marks=pytest.mark.slow), "<&- 2>&-", ">&- 2>&-"])
 def test_closed_standard_streams_disturb_nothing(folder: Path, streams: str) -> None:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     for args in ("export sweep.h5 -o new.csv", "respond train.yaml -o new.h5"):
         command = f"exec {sys.executable} -m gearstab {args} {streams}"
-        done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, env=environment)
+        done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, env=ENVIRONMENT)
         assert done.returncode == 0
     assert (folder / "new.csv").read_text().count("\n") == 11

@@ -7,8 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from scenes import ROOT, code
+from scenes import ROOT, code, until
 from sweep_faults import CONFIG, FOLDER, faulty
 
 from gearstab.sweep import Interrupted, Reporter, SweepError, run
@@ -33,15 +32,6 @@ ONE_DEATH = "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES"
 ALONE = ["--no-nanny", "--no-dashboard", "--nthreads", "1"]
 PATIENCE = 600.0
 """Seconds for what comes soon, on a machine that has much else to do."""
-
-
-def until(done: Callable[[], bool], what: str) -> None:
-    """Wait for something."""
-    end = time.monotonic() + PATIENCE
-    while not done():
-        if time.monotonic() > end:
-            pytest.fail(f"still waiting for {what}")
-        time.sleep(0.01)
 
 
 def answers(port: int) -> bool:

@@ -14,14 +14,12 @@ from functools import cache
 from itertools import cycle
 from pathlib import Path
 
-import h5py
-import numpy as np
 import pytest
-from scenes import TRAIN, SweepFolder
+from scenes import TRAIN, SweepFolder, Told, data_of
 
 from gearstab.config import load
 from gearstab.results import OutputError
-from gearstab.sweep import Plan, Reporter, Summary, SweepError, plan, run
+from gearstab.sweep import Plan, Summary, SweepError, plan, run
 from gearstab.sweep.storage import merge, store
 from gearstab.sweep.storage.parts import (
     MOST_BYTES,
@@ -53,16 +51,6 @@ SWEEPS = {
     ),
 }  # fmt: skip
 """By name: the system, the axes, the methods."""
-
-
-class Told(Reporter):
-    """Keeps what is said."""
-
-    def __init__(self) -> None:
-        self.messages: list[str] = []
-
-    def message(self, text: str) -> None:
-        self.messages.append(text)
 
 
 @dataclass
@@ -101,20 +89,6 @@ def prepared(folder: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> Scene:
             scene.run()
     assert len(scene.parts) == scene.planned.blocks
     return scene
-
-
-def data_of(path: Path) -> dict[str, tuple[tuple[int, ...], bytes]]:
-    """All variables of a result."""
-    found = {}
-    with h5py.File(path) as file:
-
-        def keep(name: str, item: object) -> None:
-            if isinstance(item, h5py.Dataset):
-                values = item.asstr()[...].astype("U") if item.dtype.kind == "O" else item[...]
-                found[name] = item.shape, np.asarray(values).tobytes()
-
-        file.visititems(keep)
-    return found
 
 
 @pytest.mark.parametrize("name", SWEEPS)

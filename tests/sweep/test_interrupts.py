@@ -16,7 +16,7 @@ from pathlib import Path
 from threading import Event
 
 import pytest
-from scenes import ROOT, TRAIN
+from scenes import ROOT, TRAIN, heed
 
 from gearstab import interrupts
 from gearstab.config import load
@@ -118,12 +118,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     _, said = process.communicate(timeout=120)
     assert process.returncode == 0, said
     return path
-
-
-def heed() -> None:
-    """Heed all signals, also where the tests run in the background or under nohup, which ignore some."""
-    for number in SIGNALS:
-        signal.signal(number, signal.SIG_DFL)
 
 
 def start(folder: Path, args: list[str], before: str = "") -> subprocess.Popen[str]:

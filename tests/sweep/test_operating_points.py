@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-from click.testing import CliRunner
+from scenes import ran
 
-from gearstab.cli import group
-from gearstab.config import ConfigError, load
 from gearstab.results import open_result
 
 SYSTEM = """\
@@ -26,7 +23,7 @@ def growth(folder, sweep, methods=METHODS):
     (folder / "points.yaml").write_text(SYSTEM + f"sweep:\n  {sweep}\n" + methods)
     target = folder / "points.h5"
     arguments = ["sweep", str(folder / "points.yaml"), "-o", str(target), "--overwrite", "-q"]
-    result = CliRunner().invoke(group, arguments)
+    result = ran(*arguments)
     assert result.exit_code == 0, result.output
     with open_result(target) as tree:
         return tree["floquet"].to_dataset().load()
@@ -47,18 +44,3 @@ def test_tied_to_another_parameter(tmp_path):
     both = growth(tmp_path, "run: {targets: [mesh_frequency, phasing], values: [[2.0, 4.2, 5.0], [0.0, 0.0, 0.4]]}")
     grid = growth(tmp_path, "phasing: [0, 0.4]\n  mesh_frequency: [2.0, 4.2, 5.0]")["growth_rate"]
     np.testing.assert_allclose(both["growth_rate"], [grid[0, 0], grid[0, 1], grid[1, 2]], rtol=1e-12, atol=1e-13)
-
-
-@pytest.mark.parametrize(
-    ("sweep", "methods", "message"),
-    [
-        ("case: [{label: A, mesh_frequency: 4.2}, {label: B, phasing: 0.4}]", METHODS, "does not set mesh_frequency"),
-        ("case: [{label: A, mesh_frequency: 4.2}]", "methods: {boundaries: {}}\n", "needs a mesh_frequency axis"),
-        ("case: [{label: A, mesh_frequency: -4.2}]", METHODS, "must be > 0"),
-        ("case: [{label: A, phasing: 0.1}]", METHODS, "needs a mesh_frequency axis"),
-    ],
-)
-def test_mistakes(tmp_path, sweep, methods, message):
-    (tmp_path / "points.yaml").write_text(SYSTEM + f"sweep:\n  {sweep}\n" + methods)
-    with pytest.raises(ConfigError, match=message):
-        load(tmp_path / "points.yaml")

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
+from scenes import ran
 from test_sweep import divided
 
-from gearstab.cli import group
 from gearstab.cli.messages import percent, searched
 from gearstab.config import load
 from gearstab.floquet import solve
@@ -50,7 +49,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def swept(config: Path) -> tuple[Path, str]:
     """(result file, what the command said)."""
     out = config.with_suffix(".h5")
-    said = CliRunner().invoke(group, ["sweep", str(config), "-o", str(out), "-j", "1"])
+    said = ran("sweep", config, "-o", out, "-j", "1")
     assert said.exit_code == 0, said.output
     return out, said.output
 
@@ -111,7 +110,7 @@ def test_parts_written_to_disk_are_counted_too(config: Path, tmp_path: Path, mon
 def test_without_damping_nothing_is_proved_and_the_command_says_no_word(config: Path, tmp_path: Path) -> None:
     out = tmp_path / "free.h5"
     arguments = ["sweep", str(config), "-o", str(out), "-j", "1", "--set", "system.damping_ratio=0"]
-    said = CliRunner().invoke(group, [*arguments, "--set", "sweep.epsilon=[0.1, 0.2]"])
+    said = ran(*arguments, "--set", "sweep.epsilon=[0.1, 0.2]")
     assert said.exit_code == 0, said.output
     assert "proved" not in said.output
     data = loaded(out)["boundaries"].to_dataset()
@@ -162,7 +161,7 @@ def test_searches_by_samples_say_their_step_and_how_many_were_coarse(
     config.write_text(LIGHT)
 
     def told() -> tuple[xr.DataTree, dict[str, str]]:
-        said = CliRunner().invoke(group, ["sweep", str(config), "-o", str(out), "-j", "1", "--overwrite"])
+        said = ran("sweep", config, "-o", out, "-j", "1", "--overwrite")
         assert said.exit_code == 0, said.output
         lines = [line for line in said.output.splitlines() if "sampled where" in line]
         return loaded(out), dict(zip(("boundaries", "tongue_probability"), lines, strict=True))

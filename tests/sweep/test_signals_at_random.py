@@ -11,10 +11,8 @@ from contextlib import suppress
 from pathlib import Path
 from time import monotonic, sleep
 
-import h5py
-import numpy as np
 import pytest
-from scenes import TRAIN
+from scenes import TRAIN, data_of, heed
 
 from gearstab.config import load
 from gearstab.methods import METHODS as METHODS_OF_SWEEPS
@@ -25,7 +23,7 @@ pytestmark = [
     pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs signals of POSIX"),
 ]
 
-Whole = dict[str, tuple[float, dict[str, bytes]]]
+Whole = dict[str, tuple[float, dict[str, tuple[tuple[int, ...], bytes]]]]
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL]
 SMALL = 1 << 13
 """Size of a block: every sweep has many."""
@@ -73,12 +71,6 @@ main()
 """The command, with small blocks that are all kept at once."""
 
 
-def heed() -> None:
-    """Heed all signals, also where the tests run in the background or under nohup, which ignore some."""
-    for number in SIGNALS[:3]:
-        signal.signal(number, signal.SIG_DFL)
-
-
 def start(config: Path, out: Path, jobs: int, *more: str) -> subprocess.Popen[str]:
     words = ["sweep", str(config), "-o", str(out), "-j", str(jobs), "-q", *more]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
@@ -110,20 +102,6 @@ def none_left(folder: Path) -> bool:
     while processes_in(folder) and monotonic() < end:
         sleep(0.1)
     return not processes_in(folder)
-
-
-def data_of(path: Path) -> dict[str, bytes]:
-    """All variables of a result."""
-    found: dict[str, bytes] = {}
-    with h5py.File(path, "r") as file:
-
-        def keep(name: str, item: object) -> None:
-            if isinstance(item, h5py.Dataset):
-                values = item.asstr()[...].astype("U") if item.dtype.kind == "O" else item[...]
-                found[name] = np.asarray(values).tobytes()
-
-        file.visititems(keep)
-    return found
 
 
 @pytest.fixture(scope="module")

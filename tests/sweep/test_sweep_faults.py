@@ -9,15 +9,14 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from scenes import ROOT, SweepFolder
+from scenes import ROOT, SweepFolder, until
 from sweep_faults import CONFIG, FOLDER, faulty, value
 
 from gearstab.results import OutputError, open_result
@@ -100,15 +99,6 @@ def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Scene]:
     for process in found.processes:
         process.kill()
         process.communicate()
-
-
-def until(done: Callable[[], bool], what: str) -> None:
-    """Wait for something that comes soon; a minute is for machines that have much else to do."""
-    for _ in range(6000):
-        if done():
-            return
-        time.sleep(0.01)
-    pytest.fail(f"still waiting for {what}")
 
 
 def ended(process: int) -> bool:

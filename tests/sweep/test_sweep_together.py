@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import ROOT
+from scenes import ROOT, Told
 from sweep_faults import CONFIG, FOLDER, faulty, value
 
 from gearstab.errors import UserError
 from gearstab.results import OutputError, open_result
 from gearstab.results.read import attributes
-from gearstab.sweep import Reporter, run
+from gearstab.sweep import run
 from gearstab.sweep.storage import store
 from gearstab.sweep.storage.parts import (
     CHECKSUM,
@@ -52,16 +52,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 stops = pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs signals of POSIX")
-
-
-class Told(Reporter):
-    """Keeps what is said."""
-
-    def __init__(self) -> None:
-        self.messages: list[str] = []
-
-    def message(self, text: str) -> None:
-        self.messages.append(text)
 
 
 def swept(folder: Path, name: str = "train.yaml", **options: Any) -> list[str]:

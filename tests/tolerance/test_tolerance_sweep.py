@@ -212,45 +212,6 @@ def mistakes(folder: Path, method: str, sweep: str = "mesh_frequency: [1.0, 2.0]
     return [str(problem) for problem in problems(folder, text)]
 
 
-@pytest.mark.parametrize(
-    ("method", "sweep", "path", "said"),
-    [
-        ("{parameters: {epsilon: {normal: [0.3, -1]}}}", "", "parameters.epsilon.normal", "standard deviation -1"),
-        ("{parameters: {epsilon: {uniform: [0.3, 0.1]}}}", "", "parameters.epsilon.uniform", "no range from 0.3"),
-        ("{parameters: {epsilon: {triangular: [0.3, 0.1, 0.4]}}}", "", "parameters.epsilon.triangular", "low <= mode"),
-        ("{parameters: {epsilon: {normal: [0.3]}}}", "", "parameters.epsilon.normal", "has 1 entries"),
-        ("{parameters: {epsilon: {}}}", "", "parameters.epsilon", "has no distribution"),
-        ("{parameters: {epsilom: {normal: [0.3, 0.1]}}}", "", "parameters.epsilom", "did you mean 'epsilon'"),
-        ("{parameters: {contact_ratio: {normal: [0.3, 0.1]}}}", "", "parameters.contact_ratio.normal", "1 to 1000"),
-        ("{parameters: {tooth_ratio: {uniform: [1, 2]}}}", "", "parameters.tooth_ratio", "is exact"),
-        ("{parameters: {inertias.0: {uniform: [1, 2 mm]}}}", "", "parameters.inertias.0.uniform.1", "mm"),
-        ("{parameters: {epsilon: {normal: [0.3, 0.1]}}}", "mesh_frequency: [1.0], epsilon: [0.1, 0.2]",
-         "parameters.epsilon", "the axis epsilon sets it too"),
-        ("{parameters: {epsilon: {normal: [0.3, 0.1]}}}", "meshes.first.mean_stiffness: [1.0, 2.0]", "tolerance",
-         "needs a mesh_frequency axis"),
-        ("{parameters: {epsilon: {normal: [0.3, 0.1]}, meshes.first.epsilon: {normal: [0.3, 0.1]}}}", "",
-         "parameters.meshes.first.epsilon", "as epsilon does"),
-        ("{parameters: {epsilon: {normal: [0.3, 0.1]}}, correlation: [{between: [epsilon, x], value: 0.5}]}", "",
-         "correlation.0.between", "'x' has no distribution"),
-        ("{parameters: {epsilon: {normal: [0.3, 0.1]}}, correlation: [{between: [epsilon], value: 0.5}]}", "",
-         "correlation.0.between", "has 1 entries"),
-        ("{samples: 3, parameters: {epsilon: {normal: [0.3, 0.1]}}}", "", "samples", ">= 16"),
-        ("{integrate_speed: true, parameters: {epsilon: {normal: [0.3, 0.1]}}}", "", "integrate_speed", "is uncertain"),
-        ("{integrate_speed: true, parameters: {epsilon: {normal: [0.3, 0.1]}, mesh_frequency: {normal: [0, 0.1], "
-         "deviation: true}}, correlation: [{between: [epsilon, mesh_frequency], value: 0.5}]}", "", "integrate_speed",
-         "to be independent"),
-        ("{}", "", "parameters", "is missing"),
-        ("{parameters: {}}", "", "parameters", "at least"),
-        ("{parameters: 3}", "", "parameters", "must be a mapping"),
-    ],
-)  # fmt: skip
-def test_mistakes(tmp_path, method, sweep, path, said):
-    found = mistakes(tmp_path, method, sweep or "mesh_frequency: [1.0, 2.0]")
-    assert len(found) == 1, found
-    assert f": methods.{'' if path == 'tolerance' else 'tolerance.'}{path}: " in found[0]
-    assert said in found[0]
-
-
 def test_correlations_that_contradict_each_other(tmp_path):
     method = """{parameters: {epsilon: {normal: [0.3, 0.1]}, contact_ratio: {normal: [1.5, 0.1]}, inertias.0: {normal:
       [1, 0.1]}}, correlation: [{between: [epsilon, contact_ratio], value: 0.9}, {between: [epsilon, inertias.0],

@@ -83,7 +83,7 @@ def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> KernelAns
 
 
 def _complete(pattern: Pattern, omega: Array, verdict: Array, growth: Array, rho: Array, magnified: Array) -> None:
-    """Write the growth of points in doubt, left open by a kernel, in place, with the rounding errors of the largest
+    """Write the growth of points in doubt, left open by a kernel, in place, and rounding errors of the largest
     multiplier.
 
     Where there are no traces, beyond a growth of ln LARGE a period, it comes from the scaled matrix.

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from scenes import CONFIGS, ran
 
 RUN = [sys.executable, "-W", "error", "-c", "import sys; from gearstab.cli import main; main(sys.argv[1:])", "check"]
 
@@ -22,15 +23,12 @@ system:
 """
 
 
-def check(root: Path, *args: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*RUN, *map(str, args)], cwd=root, capture_output=True, text=True, check=False)
-
-
-def test_a_valid_configuration(root: Path) -> None:
-    done = check(root, "configs/gear_pair.yaml", "--set", "sweep.contact_ratio.num=3")
-    assert (done.returncode, done.stderr) == (0, "")
+def test_a_valid_configuration() -> None:
+    path = CONFIGS / "gear_pair.yaml"
+    done = ran("check", path, "--set", "sweep.contact_ratio.num=3")
+    assert (done.exit_code, done.stderr) == (0, "")
     assert done.stdout == (
-        "configs/gear_pair.yaml: valid gear_pair; "
+        f"{path}: valid gear_pair; "
         "damping_ratio (3) x contact_ratio (3) x mesh_frequency (500) = 4,500 points; "
         "methods floquet, perturbation, boundaries\n"
     )
@@ -39,7 +37,7 @@ def test_a_valid_configuration(root: Path) -> None:
 def test_mistakes(tmp_path: Path, root: Path) -> None:
     path = tmp_path / "wrong.yaml"
     path.write_text(WRONG)
-    done = check(root, path, "--set", "tooth_ratio=0.6667")
+    done = subprocess.run([*RUN, path, "--set", "tooth_ratio=0.6667"], cwd=root, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.splitlines() == [
         f"{path}:3: system.inertias.1: must be > 0 (got -0.3); choose a value > 0",
@@ -51,8 +49,8 @@ def test_mistakes(tmp_path: Path, root: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "message"), [("none.yaml", "there is no such file"), (".", "is a folder")])
-def test_no_configuration(tmp_path: Path, root: Path, name: str, message: str) -> None:
-    done = check(root, tmp_path / name)
-    assert (done.returncode, done.stdout) == (2, "")
+def test_no_configuration(tmp_path: Path, name: str, message: str) -> None:
+    done = ran("check", tmp_path / name)
+    assert (done.exit_code, done.stdout) == (2, "")
     assert done.stderr.startswith(f"{tmp_path / name}: {message}; ")
     assert done.stderr.count("\n") == 1

@@ -6,8 +6,6 @@ import os
 from pathlib import Path
 
 import pytest
-from ruamel.yaml import YAML
-from scenes import DATA
 
 from gearstab.config import ConfigError, Problem, load
 
@@ -30,29 +28,6 @@ methods:
   boundaries: {}
 """
 
-MATRICES = """\
-system:
-  kind: matrices
-  mass: [[2, 0], [0, 1]]
-  stiffness:
-    - [3, -1]
-    - [-1, 1]
-  meshes:
-    - {direction: [1, 1], mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}
-sweep:
-  mesh_frequency: [1, 2]
-methods: {floquet: {}}
-"""
-
-RESPOND = """\
-system: {kind: gear_pair, equivalent_mass: 1, meshes: [{mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}]}
-respond:
-  mesh_frequency: 2.0
-  cycles: 3
-  initial:
-    displacement: [0.1]
-"""
-
 
 def problems(folder: Path, text: str | bytes, *overrides: str) -> list[Problem]:
     path = folder / "case.yaml"
@@ -65,22 +40,6 @@ def problems(folder: Path, text: str | bytes, *overrides: str) -> list[Problem]:
 def changed(text: str, old: str, new: str) -> str:
     assert text.count(old) == 1, old
     return text.replace(old, new)
-
-
-RIGHT = {"values": GOOD, "matrices": MATRICES, "responses": RESPOND}
-WRONG = YAML(typ="safe", pure=True).load(DATA / "config" / "wrong.yaml")
-CASES = [pytest.param(RIGHT[kind], case, id=f"{kind}: {name}") for kind in RIGHT for name, case in WRONG[kind].items()]
-
-
-@pytest.mark.parametrize(("right", "case"), CASES)
-def test_wrong_value(tmp_path: Path, right: str, case: dict) -> None:
-    first = problems(tmp_path, changed(right, case["old"], case["new"]))[0]
-    assert (first.line, first.path) == (case["line"], case["path"])
-    assert first.code == case["code"]
-    assert case.get("hint", "") in first.hint
-    assert first.hint
-    assert str(first).startswith(f"{tmp_path / 'case.yaml'}:{case['line']}: {case['path']}: ")
-    assert "\n" not in str(first)
 
 
 BROKEN_FILES = {
@@ -181,29 +140,6 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match=message) as caught:
             load(tmp_path / name)
         assert str(caught.value).startswith(str(tmp_path / name) + ": ")
-
-
-WRONG_OVERRIDES = {
-    "no value": ("epsilon", "override"),
-    "unknown key": ("damping_ratoi=1", "unknown_key"),
-    "out of range": ("epsilon=-1", "out_of_range"),
-    "broken YAML": ("epsilon=[1", "syntax"),
-    "unknown mesh": ("meshes.third.epsilon=1", "unknown_name"),
-    "unknown index": ("meshes.2.epsilon=1", "unknown_name"),
-    "into a number": ("tooth_ratio.x=1", "wrong_type"),
-    "mesh frequency": ("mesh_frequency=1", "override"),
-    "rival": ("amplitude=1", "unknown_target"),
-    "axis": ("sweep.epsilon.num=0", "out_of_range"),
-    "new axis": ("sweep.meshes.first.epsiln=[0]", "unknown_target"),
-}
-
-
-@pytest.mark.parametrize(("override", "code"), WRONG_OVERRIDES.values(), ids=WRONG_OVERRIDES)
-def test_wrong_override(tmp_path: Path, override: str, code: str) -> None:
-    first = problems(tmp_path, GOOD, override)[0]
-    assert str(first).startswith(f"--set {override.partition('=')[0]}: ")
-    assert first.code == code
-    assert first.hint
 
 
 def test_methods_that_need_an_axis(tmp_path: Path) -> None:

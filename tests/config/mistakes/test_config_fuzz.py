@@ -12,13 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
-from scenes import CONFIGS, CONFIGURATIONS
+from scenes import CONFIGS, CONFIGURATIONS, examples, ran
 
-from gearstab.cli import group
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.document.problems import CODES
 from gearstab.config.document.yaml import write
@@ -152,41 +150,26 @@ def read(scene: Path, text: str) -> Config | None:
     return None
 
 
-def few(count: int) -> settings:
-    """Examples by number, however long they take: some configurations take half a second to read."""
-    return settings(max_examples=count, suppress_health_check=list(HealthCheck))
-
-
-@few(60)
+@examples(60, 3000)
 @given(document=documents())
 def test_changed_configurations_are_valid_or_named(scene: Path, document: str) -> None:
     read(scene, document)
 
 
-@few(150)
+@examples(150, 2000)
 @given(text=texts())
 def test_changed_texts_are_valid_or_named(scene: Path, text: str) -> None:
     read(scene, text)
 
 
-@pytest.mark.slow
-@few(3000)
-@given(document=documents())
-def test_many_changed_configurations_are_valid_or_named(scene: Path, document: str) -> None:
-    read(scene, document)
-
-
-@pytest.mark.slow
-@few(2000)
-@given(text=texts())
-def test_many_changed_texts_are_valid_or_named(scene: Path, text: str) -> None:
-    read(scene, text)
-
-
-def can_be_built(scene: Path, config: Config, at_points: list[float]) -> None:
-    """A valid configuration has systems at all points, a plan, and a resolved form that is valid too."""
+@examples(60, 2000)
+@given(document=documents(2), points=st.lists(st.floats(0, 0.999), min_size=3, max_size=3))
+def test_what_is_valid_can_be_built(scene: Path, document: str, points: list[float]) -> None:
+    """It has systems at all points, a plan, and a resolved form that is valid too."""
+    if (config := read(scene, document)) is None:
+        return
     build(config.system)
-    for fraction in at_points:
+    for fraction in points:
         build(config.at({axis.name: np.array(int(fraction * axis.size)) for axis in config.axes}))
     if config.axes and config.methods.chosen:
         plan(config)
@@ -195,39 +178,10 @@ def can_be_built(scene: Path, config: Config, at_points: list[float]) -> None:
     assert again.digest == config.digest
 
 
-@few(60)
-@given(document=documents(2), points=st.lists(st.floats(0, 0.999), min_size=3, max_size=3))
-def test_what_is_valid_can_be_built(scene: Path, document: str, points: list[float]) -> None:
-    if (config := read(scene, document)) is not None:
-        can_be_built(scene, config, points)
-
-
-@pytest.mark.slow
-@few(2000)
-@given(document=documents(2), points=st.lists(st.floats(0, 0.999), min_size=3, max_size=3))
-def test_much_that_is_valid_can_be_built(scene: Path, document: str, points: list[float]) -> None:
-    if (config := read(scene, document)) is not None:
-        can_be_built(scene, config, points)
-
-
-SHORT = ["sweep", "-j", "1", "--dry-run", "-o", "none.h5"]
-
-
-@few(8)
-@given(document=documents(1))
-def test_a_dry_run_of_what_is_valid(scene: Path, document: str) -> None:
-    dry_run(scene, document)
-
-
-@pytest.mark.slow
-@few(200)
+@examples(8, 200)
 @given(document=documents(2))
-def test_many_dry_runs_of_what_is_valid(scene: Path, document: str) -> None:
-    dry_run(scene, document)
-
-
-def dry_run(scene: Path, document: str) -> None:
+def test_a_dry_run_of_what_is_valid(scene: Path, document: str) -> None:
     config = read(scene, document)
     if config is not None and config.axes and config.methods.chosen:
-        done = CliRunner().invoke(group, [*SHORT, str(scene)])
+        done = ran("sweep", "-j", "1", "--dry-run", "-o", "none.h5", scene)
         assert done.exit_code == 0, done.output

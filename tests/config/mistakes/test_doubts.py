@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-from scenes import CONFIGURATIONS
+from scenes import CONFIGURATIONS, ran
 
-from gearstab.cli import group
 from gearstab.config import load
 
 GEARBOX = """\
@@ -144,14 +142,14 @@ def test_commands_say_it_on_standard_error(tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     Path("scene.yaml").write_text(PAIR.replace("80 um", "80"))
     name, *rest = command
-    done = CliRunner().invoke(group, [name, "scene.yaml", *rest])
+    done = ran(name, "scene.yaml", *rest)
     assert done.exit_code == 0, done.output
     said = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
     (line,) = [line for line in said if "backlash" in line and "scene.yaml:6: " in line]
     assert '"80 um"' in line
     assert "warning: scene" not in done.stdout
     if name in ("sweep", "respond"):
-        quiet = CliRunner().invoke(group, [name, "scene.yaml", *rest, "-q"])
+        quiet = ran(name, "scene.yaml", *rest, "-q")
         assert "warning: scene" not in quiet.stderr
 
 
@@ -168,8 +166,8 @@ def test_results_with_equal_values_on_an_axis_are_drawn(tmp_path, override, kind
     """A figure or a line that says what it needs; no warning of matplotlib's, which would be an error here."""
     path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
     path.write_text(PAIR)
-    done = CliRunner().invoke(group, ["sweep", str(path), "-o", str(out), "-j", "1", "--set", override])
+    done = ran("sweep", path, "-o", out, "-j", "1", "--set", override)
     assert done.exit_code == 0, done.output
-    drawn = CliRunner().invoke(group, ["plot", str(out), "-o", str(tmp_path / "a.png"), *kind])
+    drawn = ran("plot", out, "-o", tmp_path / "a.png", *kind)
     assert drawn.exit_code in ((0, 2) if kind else (0,)), drawn.output
     assert drawn.exception is None or isinstance(drawn.exception, SystemExit)

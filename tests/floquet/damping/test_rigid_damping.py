@@ -6,11 +6,10 @@ left out. A rigid-body mode makes two multipliers 1 that are one defective one, 
 
 from dataclasses import replace
 from fractions import Fraction
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from driven import monodromy
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
@@ -70,28 +69,9 @@ def null_space(system):
 
 
 def multipliers(system, omega, steps=1):
-    """All 2n multipliers of a common period, by descending size, and the period; ``steps`` a cycle of the fastest."""
-    cycles, counts = system.common_period()
-    period, n = 2 * np.pi * float(cycles) / omega, system.size
-    inverse = np.linalg.inv(system.mass)
-    cuts = [np.array([0.0, 1.0])]
-    for mesh, count in zip(system.meshes, counts, strict=True):
-        jumps = np.concatenate([np.ravel(mesh.waveform.breakpoints()), np.arange(steps) / steps])
-        cuts.append((((jumps + float(mesh.lag))[:, None] + np.arange(count)) / count % 1).ravel())
-    edges = np.unique(np.concatenate(cuts))
-    total = np.eye(2 * n)
-    for start, stop in pairwise(edges):
-        levels = [
-            mesh.mean_stiffness + 2 * mesh.amplitude * mesh.waveform.value(0.5 * (start + stop) * count - mesh.lag)
-            for mesh, count in zip(system.meshes, counts, strict=True)
-        ]
-        generator = np.zeros((2 * n, 2 * n))
-        generator[:n, n:] = np.eye(n)
-        generator[n:, :n] = -inverse @ system.stiffness_matrix(levels)
-        generator[n:, n:] = -inverse @ system.damping
-        total = expm(generator * (stop - start) * period) @ total
-    values = np.linalg.eigvals(total)
-    return values[np.argsort(-np.abs(values))], period
+    """All 2n multipliers of a common period, by descending size, and the period."""
+    (values,) = np.linalg.eigvals(monodromy(system, [omega], steps))
+    return values[np.argsort(-np.abs(values))], 2 * np.pi * float(system.common_period()[0]) / omega
 
 
 def expected(system, omega, steps=1):

@@ -12,8 +12,8 @@ from fractions import Fraction
 import numpy as np
 import oracle
 import pytest
+from driven import monodromy
 from systems import star, train
-from tongues import monodromy
 
 from gearstab.floquet import solve
 from gearstab.mesh import Mesh

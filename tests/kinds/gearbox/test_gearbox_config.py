@@ -52,70 +52,7 @@ def problems(folder: Path, old: str, new: str) -> list[Problem]:
 MESH = "{name: m, gears: [pinion, gear], damping_ratio: 0.02}"
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "path", "code"),
-    [
-        ("teeth: 19", "teeth: 18.5", "system.rotors.1.teeth", "not_whole"),
-        ("teeth: 19", "teeth: .inf", "system.rotors.1.teeth", "not_whole"),
-        ("teeth: 19", "teeth: .nan", "system.rotors.1.teeth", "not_whole"),
-        ("teeth: 19", "teeth: 1.0e+400", "system.rotors.1.teeth", "not_whole"),
-        ("teeth: 19", "teeth: 2", "system.rotors.1.teeth", "not_whole"),
-        ("[pinion, gear], damp", "[pinion, gaer], damp", "system.meshes.0.gears.1", "unknown_name"),
-        ("[pinion, gear], damp", "[motor, gear], damp", "system.meshes.0.gears.0", "not_applicable"),
-        ("[pinion, gear], damp", "[gear, gear], damp", "system.meshes.0.gears", "inconsistent"),
-        ("name: gear,", "name: pinion,", "system.rotors.1.name", "repeated_name"),
-        ("rotor: motor, speed", "rotor: engine, speed", "system.input.rotor", "unknown_name"),
-        ("{rotor: gear, torque: 100}", "{rotor: motor, torque: 100}", "system.outputs.0.rotor", "already_given"),
-        ("[{rotor: gear, torque: 100}]", "[{rotor: gear, torque: 1}, {rotor: gear, torque: 2}]",
-         "system.outputs.1.rotor", "already_given"),
-        ("speed: \"1500 rpm\"", "torque: 3", "system.input.torque", "already_given"),
-        (", stiffness: 2.0e+4,", ",", "system.shafts.0.stiffness", "missing"),
-        (", stiffness: 2.0e+4,", ", diameter: 0.02,", "system.shafts.0.length", "missing"),
-        (", stiffness: 2.0e+4,", ", diameter: 0.02, length: 0.1, bore: 0.03,", "system.shafts.0.bore",
-         "impossible"),
-        ("teeth: 48,", "teeth: 48, bore_radius: 0.05,", "system.meshes.0", "impossible"),
-        ("teeth: 19,", "teeth: 19, profile_shift: 1.5,", "system.meshes.0", "impossible"),
-        (MESH, MESH[:-1] + ", friction: {kind: xu_kahraman, viscosity: 0.01}}", "system.meshes.0.friction.roughness",
-         "missing"),
-        (MESH, MESH[:-1] + ", friction: {coefficient: 0.1, viscosity: 0.01}}", "system.meshes.0.friction.viscosity",
-         "not_applicable"),
-        (MESH, MESH[:-1] + ", phasing: 0.5}", "system.meshes.0.phasing", "unknown_key"),
-        (MESH, MESH[:-1] + ", damping: 3.0}", "system.meshes.0.damping_ratio", "already_given"),
-        (MESH, MESH[:-1] + ", waveform: {kind: tooth}, epsilon: 0.2}", "system.meshes.0.epsilon", "already_given"),
-        (MESH, MESH[:-1] + ", variation: 3.0}", "system.meshes.0", "impossible"),
-        ("{floquet: {}}", "{response: {}, floquet: {block: 1}}", None, None),
-        ("input_speed:", "speed_of_input:", "sweep.speed_of_input", "unknown_target"),
-    ],
-)  # fmt: skip
-def test_mistakes_are_named_where_they_are(
-    tmp_path: Path, old: str, new: str, path: str | None, code: str | None
-) -> None:
-    if path is None or code is None:
-        loaded(tmp_path, GOOD.replace(old, new, 1))
-        return
-    found = problems(tmp_path, old, new)
-    assert (path, code) in [(problem.path, problem.code) for problem in found], found
-    assert all("\n" not in problem.message and problem.hint for problem in found)
-
-
-BETWEEN = [
-    ("rotors.pinion.profile_shift: [0.0, -3.0, 0.1]", "rotors.pinion.profile_shift = -3.0"),
-    ("rotors.pinion.profile_shift: {start: -1.5, stop: 1.5, num: 1001}", "rotors.pinion.profile_shift = "),
-    ("meshes.m.centre_distance: [67.5 mm, 80 mm, 67.2 mm]", "meshes.m.centre_distance = 0.08"),
-    ("rotors.pinion.teeth: [19, 3, 20]", "rotors.pinion.teeth = 3"),
-    ("meshes.m.epsilon: [0.1, 3.0, 0.2]", "meshes.m.epsilon = 3.0"),
-    ("ends: {targets: [meshes.m.epsilon, gears.addendum], values: [[0.1, 0.2, 0.1], [1.0, 3.0, 1.1]]}", "ends = "),
-]
-
-
 REST = "  mesh_frequency: [1000, 2000]\nmethods: {floquet: {}}\n"
-
-
-@pytest.mark.parametrize(("axis", "where"), BETWEEN, ids=[axis[:40] for axis, _ in BETWEEN])
-def test_trains_that_cannot_be_built_between_the_ends_of_an_axis(tmp_path: Path, axis: str, where: str) -> None:
-    (found,) = problems(tmp_path, GOOD[GOOD.index("  input_speed") :], f"  {axis}\n{REST}")
-    assert (found.path, found.code) == ("system.meshes.0", "impossible")
-    assert f"(at {where}" in found.message
 
 
 @pytest.mark.parametrize("axis", ["damping_ratio: [0.0, 0.1]", "damping_ratio: [0.0]"])
@@ -135,18 +72,6 @@ def test_a_train_that_cannot_be_built_says_where() -> None:
     assert str(TrainError(("meshes", 0), "no involute", "change the teeth")) == (
         "system.meshes.0: no involute; change the teeth"
     )
-
-
-def test_lubricated_teeth_need_speed_and_load(tmp_path: Path) -> None:
-    law = MESH[:-1] + ", friction: {kind: benedict_kelley, viscosity: 0.01, roughness: 4.0e-7}}"
-    text = GOOD.replace(MESH, law).replace(', speed: "1500 rpm"', "").replace(", torque: 100", "")
-    with pytest.raises(ConfigError) as caught:
-        loaded(
-            tmp_path, text.replace('input_speed: {start: "600 rpm", stop: "3000 rpm", num: 7}', "mesh_frequency: [1]")
-        )
-    messages = [p.message for p in caught.value.problems]
-    assert any("depends on the speed" in m for m in messages)
-    assert any("depends on the load" in m for m in messages)
 
 
 def test_a_width_is_asked_for_where_the_teeth_are_to_give_the_stiffness(tmp_path: Path) -> None:
@@ -267,15 +192,3 @@ def test_every_number_of_the_train_is_an_axis(tmp_path: Path, key: str) -> None:
     one, other = (build(config.at({key: np.array([k])})) for k in (0, 1))
     parts = [(s.mass, s.stiffness, s.damping, s.load, s.mean_stiffness_matrix()) for s in (one, other)]
     assert any(not np.array_equal(np.squeeze(a), np.squeeze(b)) for a, b in zip(*parts, strict=True))
-
-
-def test_the_ends_of_a_mesh_are_two(tmp_path: Path) -> None:
-    (found,) = problems(tmp_path, "gears: [pinion, gear]", "gears: [pinion, gear, pinion]")
-    assert (found.path, found.code) == ("system.meshes.0.gears", "wrong_count")
-
-
-def test_cases_give_one_speed(tmp_path: Path) -> None:
-    axis = 'input_speed: {start: "600 rpm", stop: "3000 rpm", num: 7}'
-    cases = "case: [{label: a, mesh_frequency: 1900}, {label: b, input_speed: 100}]"
-    found = [problem for problem in problems(tmp_path, axis, cases) if problem.path == "sweep.case.1.input_speed"]
-    assert [problem.code for problem in found] == ["set_twice"]

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from scenes import ran
 
-from gearstab.cli import group
 from gearstab.config import load
 from gearstab.errors import PlotError
 from gearstab.gears.geometry import Gear
@@ -85,7 +84,7 @@ def test_a_ring_that_drives_begins_contact_at_the_tip_of_its_pinion() -> None:
 def response(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("teeth")
     (folder / "case.yaml").write_text(CONFIG)
-    done = CliRunner().invoke(group, ["respond", str(folder / "case.yaml"), "-o", str(folder / "case.h5")])
+    done = ran("respond", folder / "case.yaml", "-o", folder / "case.h5")
     assert done.exit_code == 0, done.output
     return open_result(folder / "case.h5")
 

@@ -327,38 +327,6 @@ def test_blocks_of_two_sets_are_those_found_without_their_symmetries(tmp_path: P
     assert len(declared.parts) > 2
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "path", "words"),
-    [
-        ("sun: sun\n", "sun: sum\n", "planetary_sets.0.sun", "no rotor 'sum'"),
-        ("sun: sun\n", "sun: second ring\n", "planetary_sets.0.sun", "not an external gear"),
-        ("sun: sun\n", "sun: motor\n", "planetary_sets.0.sun", "has no teeth"),
-        ("carrier: carrier\n", "carrier: sun\n", "planetary_sets.0.carrier", "is the sun already"),
-        ("count: 4", "count: 5", "planetary_sets.0.planets.teeth", "5 equally spaced planets cannot be assembled"),
-        ("teeth: 24, support", "teeth: 36, support", "planetary_sets.0.planets.teeth", "z_s + 2 z_p"),
-        ("count: 4", "count: 4, angles: [0, 1, 2, 3]", "planetary_sets.0.planets.angles", "planet 2 do not fit"),
-        ("count: 4", "count: 4, angles: [0, 1]", "planetary_sets.0.planets.angles", "2 entries"),
-        ("      held: ring\n      planets: {count: 4", "      planets: {count: 4", "rotors.", "is not determined"),
-        ("held: ring", "held: moon", "planetary_sets.0.held", "held member"),
-        ("held: ring", "held: sun", "shafts.0", "jams here: no speeds of motor, sun meet"),
-        ("rotor: pinion", "rotor: ring", "planetary_sets.0.held", "which turns"),
-        ("planets: {count: 4", "centre_distance: 40 mm\n      planets: {count: 4", "planetary_sets.0", "base to base"),
-        ("planets: {count: 4", "phases: {rule: entry, sun_ring: 0}\n      planets: {count: 4",
-         "planetary_sets.0.phases.rule", "already"),
-        ("support: {stiffness: 2.0e8}", "support: {}", "planetary_sets.0.planets.support.stiffness", "is missing"),
-        ("between: [second carrier, gear]", "between: [second carrier, second ring]", "shafts.2", "jams here"),
-        ("name: second\n", "name: first\n", "planetary_sets.0.name", "two planetary sets"),
-    ],
-    ids=range(17),
-)  # fmt: skip
-def test_a_mistake_in_a_set_is_one_line(tmp_path: Path, old: str, new: str, path: str, words: str) -> None:
-    assert old in TWO
-    found = problems(tmp_path, TWO.replace(old, new, 1))
-    assert len(found) == 1, found
-    assert found[0].path.startswith(f"system.{path}")
-    assert words in found[0].message or words in found[0].hint
-
-
 def test_the_sun_of_a_set_is_no_remedy_for_the_other_meshes_of_a_train(tmp_path: Path) -> None:
     """A pair beside one set in phase: its waves have no lags that follow from the sun's teeth."""
     beside = SET.replace("    - {name: other, between: [carrier, pinion], stiffness: 1.0e5}\n", PAIR_BESIDE)

@@ -28,7 +28,6 @@ system:
   meshes: {sun: {}, ring: {single_pair_stiffness: 3.0e8}}
 """
 GEARS, TEETH = TEXT.splitlines(keepends=True)[4:6]
-MESHES = TEXT.splitlines(keepends=True)[-1]
 PAIR = """\
 system:
   kind: gearbox
@@ -132,46 +131,8 @@ def test_the_resolved_configuration_is_as_the_user_wrote_it(gear: Config, tmp_pa
     assert read(tmp_path, gear.resolved).resolved == gear.resolved
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "path", "code"),
-    [
-        (TEETH, "  phases: {sun: [0, 0, 0, 0]}\n", "system.gears", "needs_other"),
-        ("module: 2 mm, ", "", "system.gears.module", "missing"),
-        ("module: 2 mm", "module: 2 kg", "system.gears.module", "wrong_dimension"),
-        ("pressure_angle: 20 deg", "pressure_angle: 20", "system.gears.pressure_angle", "out_of_range"),
-        ("inertias: {carrier: 1.2}", "inertias: {}", "system.inertias.carrier", "missing"),
-        ("{single_pair_stiffness: 3.0e8}", "{epsilon: 0.2, waveform: {kind: tooth}}", "system.meshes.ring.epsilon",
-         "already_given"),
-        ("module: 2 mm", "module: 2 mm, helix_angle: 65 deg", "system.gears.helix_angle", "out_of_range"),
-        ("stiffness: 3.0e8", "stiffness: 3 m", "system.meshes.ring.single_pair_stiffness", "wrong_dimension"),
-        ("sun: 28, planet: 20", "sun: 4, planet: 32", "system.meshes.sun", "impossible"),
-        ("ring: 68", "ring: 76", "system.teeth.ring", "inconsistent"),
-        (MESHES, MESHES + "  phases: {rule: entry, sun_ring: 0.2}\n", "system.phases.rule", "already_given"),
-        ("ring: 68", "ring: 68, centre_distance: 40 mm", "system.gears", "impossible"),
-        ("ring: 68", "ring: 68, centre_distance: 48 kg", "system.teeth.centre_distance", "wrong_dimension"),
-        ("ring: 68", "ring: 68, profile_shift: {sun: 0.4, planet: 0.4}, centre_distance: 48 mm", "system.gears",
-         "impossible"),
-    ],
-    ids=range(14),
-)  # fmt: skip
-def test_a_mistake_in_the_teeth_is_one_line(tmp_path: Path, old: str, new: str, path: str, code: str) -> None:
-    assert old in TEXT
-    assert [(p.path, p.code) for p in problems(tmp_path, TEXT.replace(old, new))] == [(path, code)]
-
-
 def test_without_gears_their_numbers_are_missing(tmp_path: Path) -> None:
     assert "system.masses.ring" in [p.path for p in problems(tmp_path, TEXT.replace(GEARS, ""))]
-
-
-def test_numbers_of_gears_beside_them_are_told_their_place(tmp_path: Path) -> None:
-    found = problems(tmp_path, TEXT.replace(GEARS, GEARS + "  module: 2 mm\n"))
-    assert [(p.path, p.code, "gears" in p.hint) for p in found] == [("system.module", "unknown_key", True)]
-
-
-@pytest.mark.parametrize("meshes", ["", "  meshes:\n", "  meshes: 3\n", "  meshes: [{}]\n"], ids=range(4))
-def test_meshes_that_are_none_are_one_mistake(tmp_path: Path, meshes: str) -> None:
-    found = problems(tmp_path, TEXT.replace(MESHES, meshes))
-    assert [problem.path for problem in found] == ["system.meshes"]
 
 
 @pytest.mark.parametrize(
@@ -203,16 +164,6 @@ def test_an_axis_of_the_teeth_takes_masses_and_stiffness_along(
     for mesh, same in zip(swept.meshes, alone.meshes, strict=True):
         for key in ("mean_stiffness", "epsilon", "lag"):
             assert np.ravel(getattr(mesh, key))[-1] == pytest.approx(float(getattr(same, key)), rel=1e-12, abs=1e-14)
-
-
-def test_an_axis_on_which_teeth_cannot_mesh_is_told(tmp_path: Path) -> None:
-    axis = "teeth.centre_distance: [0.048, 0.040]"
-    text = TEXT.replace("ring: 68}", "ring: 68, centre_distance: 48 mm}")
-    found = problems(
-        tmp_path, f"{text}sweep:\n  mesh_frequency: [1.0e4, 2.0e4]\n  {axis}\nmethods: {{floquet: {{}}}}\n"
-    )
-    assert [(p.path, p.code) for p in found] == [("system.gears", "impossible")]
-    assert "teeth.centre_distance = 0.04" in found[0].message
 
 
 def test_a_fixed_body_that_nothing_holds_is_told(gear: Config, tmp_path: Path) -> None:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
-from functools import reduce
-from itertools import pairwise
 
 import mpmath as mp
 import numpy as np
-from scipy.linalg import expm
+from driven import generators, monodromy
 from tongues import inside, near_edge
 
 from gearstab.floquet import solve
@@ -129,38 +127,13 @@ def grows(system: GearSystem, omega: float) -> bool:
     """Whether a multiplier of a piecewise constant system is outside the unit circle: products of exponentials in
     physical coordinates, in 30 digits where double precision has none to spare.
     """
-    length, n, inverse = float(system.common_period()[0]), system.size, np.linalg.inv(system.mass)
-    drives = [(m.waveform, m.frequency_ratio, m.lag) for m in system.meshes]
-    drives += [(wave, t.frequency_ratio, t.lag) for t in system.terms for wave in t.profiles]
-    jumps = [
-        (float(b) + float(lag)) / float(ratio) + k / float(ratio)
-        for wave, ratio, lag in drives
-        for b in np.ravel(wave.breakpoints())
-        for k in range(-2, int(np.ceil(length * float(ratio))) + 1)
-    ]
-    edges = np.unique([0.0, *(x for x in jumps if 0 < x < length), length])
-    steps = []
-    for first, last in pairwise(edges):
-        where, stiffness = 0.5 * (first + last), np.array(system.stiffness, dtype=float)
-        damping = np.zeros((n, n)) if system.damping is None else np.array(system.damping)
-        for m in system.meshes:
-            level = 1 + 2 * m.epsilon * m.waveform.value(np.asarray(float(m.frequency_ratio) * where - m.lag))
-            stiffness = stiffness + m.mean_stiffness * level * np.outer(m.direction, m.direction)
-        for t in system.terms:
-            x, outer = np.asarray(float(t.frequency_ratio) * where - t.lag), np.outer(t.left, t.right)
-            stiffness = stiffness + (0.0 if t.stiffness is None else t.stiffness.value(x)) * outer
-            damping = damping + (0.0 if t.damping is None else t.damping.value(x)) * outer
-        steps.append(np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ stiffness, -inverse @ damping]]))
-    times = 2 * np.pi * np.diff(edges) / omega
-    total = reduce(lambda so_far, step: step @ so_far, expm(np.array(steps) * times[:, None, None]))
-    growth = float(np.log(np.abs(np.linalg.eigvals(total)).max()))
+    growth = float(np.log(np.abs(np.linalg.eigvals(monodromy(system, np.array([omega]))[0])).max()))
     if abs(growth) > CLEAR:
         return growth > 0
     with mp.workdps(30):
-        exact = mp.eye(2 * n)
-        for step, first, last in zip(steps, edges[:-1], edges[1:], strict=True):
-            time = 2 * mp.pi * (mp.mpf(float(last)) - mp.mpf(float(first))) / mp.mpf(float(omega))
-            exact = mp.expm(mp.matrix(step.tolist()) * time) * exact
+        exact = mp.eye(2 * system.size)
+        for part, matrix in generators(system):
+            exact = mp.expm(mp.matrix(matrix.tolist()) * (mp.mpf(part) / mp.mpf(float(omega)))) * exact
         return bool(max(abs(value) for value in mp.eig(exact, left=False, right=False)) > 1)
 
 
