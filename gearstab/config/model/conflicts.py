@@ -230,6 +230,12 @@ def explain(detail: Any) -> tuple[str, str]:
     return detail["msg"], context.get("hint", "")
 
 
+def report_detail(document: Document, path: Path, detail: Any, value: Any) -> None:
+    """Report an error that concerns a value alone."""
+    message, hint = explain(detail)
+    document.report(path, code_of(detail["type"]), message, hint, value=value)
+
+
 def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None:
     loc: Path = detail["loc"]
     here = (*path, *loc)

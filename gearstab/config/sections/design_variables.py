@@ -17,7 +17,8 @@ from gearstab.config.document.yaml import number
 from gearstab.config.model.axes import Axis
 from gearstab.config.model.columns import PLAIN, head
 from gearstab.config.model.fields import NUMBER
-from gearstab.config.sections.sweep import Column, Context, UnresolvedAxis, cases, report_rivals
+from gearstab.config.sections.expansion import Column, UnresolvedAxis
+from gearstab.config.sections.sweep import Context, cases, report_rivals
 from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target
 
 FORMS = {

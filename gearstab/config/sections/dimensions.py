@@ -94,8 +94,8 @@ def report_all(
     which values are not those of the section.
     """
     section, errors = read
-    conflicts.report(document, path, rules, section)
     units = set() if system is None else {*_wrong_units(document, system, str(path[0]), model, ignore)}
+    conflicts.report(document, path, rules, section)
     conflicts.report_errors(document, errors, model, path, {*ignore, *units})
 
 
