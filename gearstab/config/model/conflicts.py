@@ -223,10 +223,8 @@ def explain(detail: Any) -> tuple[str, str]:
         return SHAPES[kind]
     if kind in ("too_short", "too_long"):
         wanted = context.get("min_length", context.get("max_length"))
-        return (
-            f"has {context['actual_length']} entries",
-            f"give {'at least' if kind == 'too_short' else 'at most'} {wanted}",
-        )
+        hint = f"give {'at least' if kind == 'too_short' else 'at most'} {wanted}"
+        return f"has {context['actual_length']} entries", hint
     return detail["msg"], context.get("hint", "")
 
 

@@ -128,9 +128,8 @@ def read_limits(context: Context, spec: Any) -> Iterator[Limit]:
     if spec in (None, {}):
         return
     if not mapping(spec):
-        document.report(
-            path, "wrong_type", "must be a mapping", "write constraints: {contact_ratio: {max: 1.9}}", value=spec
-        )
+        hint = "write constraints: {contact_ratio: {max: 1.9}}"
+        document.report(path, "wrong_type", "must be a mapping", hint, value=spec)
         return
     for name, ends in spec.items():
         found = _limit(context, (*path, name), name, ends)

@@ -210,9 +210,8 @@ def _walk(name: str, parts: list[str], system: System) -> Target:
 def _check_waveform(key: str, waveform: Any, where: str) -> None:
     """A wave varies with the keys of its own kind only. where: path of the key in the document."""
     if key == "kind":
-        raise TargetError(
-            "is a word, and an axis sets a number", f"run a sweep for each, with --set {where}=..", "not_an_axis"
-        )
+        hint = f"run a sweep for each, with --set {where}=.."
+        raise TargetError("is a word, and an axis sets a number", hint, "not_an_axis")
     wave = wave_of(waveform)
     if wave is not None and key in wave.keys.model_fields:
         return
