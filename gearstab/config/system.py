@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 class SystemSections:
     """``system``, ``sweep`` and ``design``. plain: ``system`` as plain data; specs: ``sweep``, resolved.
 
-    context, uncertain: what the names of uncertain parameters refer to, and stand for.
+    context, uncertain: the section that names of uncertain parameters refer to, and their targets.
     doubts: overrides without effect. sound: whether the section has no mistake.
     """
 
@@ -50,7 +50,7 @@ class SystemSections:
 
 
 def _find_model(document: Document) -> type[System] | None:
-    """The model of ``system.kind``; None after reporting that there is none."""
+    """Return the model of ``system.kind``; None after reporting that there is none."""
     from gearstab.systems import KINDS
 
     if "system" not in document.data:

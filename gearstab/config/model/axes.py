@@ -19,7 +19,7 @@ Kind = TypeVar("Kind")
 Array = np.ndarray
 
 MESH_FREQUENCY: Path = ("mesh_frequency",)
-"""Where the mesh frequency stands, which no system has."""
+"""Path of the mesh frequency, which is not a number of a system."""
 EXACT = 2**53
 """Whole numbers up to this one are doubles."""
 EXACT_POWER = 22

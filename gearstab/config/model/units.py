@@ -22,7 +22,7 @@ NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\
 FRACTION = re.compile(r"\s*([-+]?\d{1,12})\s*/\s*(\d{1,12})\s*\Z", re.ASCII)
 """A ratio of two whole numbers, such as "1/3"."""
 COMMAS = re.compile(r"\s*([-+]?)(\d[\d.]*|),(\d[\d.,]*)(.*)", re.DOTALL)
-"""A number with a comma: sign, what stands before and behind the comma, and the rest."""
+"""A number with a comma: sign, the parts before and behind the comma, and the rest."""
 NEWTON_METRE = re.compile(r"\b([kM]?N)m\b")
 """pint reads "Nm" as number times metre."""
 PER_CENT = ("%", "percent", "per cent")

@@ -34,7 +34,7 @@ MOST_CHOICES = 10_000
 
 
 def layouts(context: Context) -> Iterator[UnresolvedAxis]:
-    """Find what each variable sets; reports forms that are none, names that stand for nothing, and rivals."""
+    """Find what each variable sets; report unknown forms, names without a target, and rivals."""
     document = context.document
     section = mapping(document.get(PLACE))
     if not section:

@@ -102,7 +102,7 @@ def report_all(
 def _wrong_units(
     document: Document, system: System, top: str, section: type[BaseModel], ignore: Collection[Path]
 ) -> Iterator[Path]:
-    """Report texts in a section whose unit does not fit the system; yield where they stand."""
+    """Report texts in a section whose unit does not fit the system; yield their places."""
     for path, text in texts(document.data.get(top)):
         declared = quantity(type_at(section, path))
         place = (top, *path)

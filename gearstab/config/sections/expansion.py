@@ -94,7 +94,7 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
 
 
 def expand_list(document: Document, items: list[Any], places: list[Path], target: Target, path: Path) -> Expansion:
-    """Values given one by one, which stand at ``places``."""
+    """Return values that are given one by one, at ``places``."""
     if not items:
         document.report(path, "empty", "an axis without values", "give at least one value")
         return FAILED
@@ -177,7 +177,7 @@ def _stepped(start: float, stop: float, step: float, spacing: str) -> Array | tu
 class Column:
     """Parameters that take the same values along an axis.
 
-    items: values written one by one (cases), with the place of each; without them the values stand at ``path``.
+    items: values written one by one (cases), with the place of each; without them the values are at ``path``.
     base: the value of cases that do not set it, None where all do.
     """
 
@@ -197,7 +197,7 @@ class Column:
 class UnresolvedAxis:
     """An axis before its values are known.
 
-    sound: whether every name in it stands for something. labels, cases and tie: of axes in these forms, as written.
+    sound: whether every name in it has a target. labels, cases and tie: of axes in these forms, as written.
     expansions: the values of each column for each of its targets.
     """
 

@@ -76,12 +76,12 @@ class Limit:
 
 
 def each(path: Path, spec: Any) -> list[tuple[Path, Any]]:
-    """Path and value of each entry of a list, or of what stands there alone."""
+    """Return path and value of each entry of a list, or of a single value."""
     return [((*path, i), item) for i, item in enumerate(spec)] if isinstance(spec, list) else [(path, spec)]
 
 
 def positive(document: Document, path: Path, value: Any) -> float | None:
-    """A number > 0; None after reporting that it is none."""
+    """Return a number > 0; None after reporting that it is none."""
     if is_number(value) and 0 < value < np.inf:
         return float(value)
     document.report(path, "wrong_type", "must be a number > 0", "write a number > 0", value=value)

@@ -68,7 +68,7 @@ class Context:
     system: System
 
     def resolve(self, name: str, path: Path) -> list[Target]:
-        """The targets of a name that stands at ``path``; reports a name that has none."""
+        """Return the targets of a name at ``path``; report a name that has none."""
         try:
             return resolve(name, self.system)
         except TargetError as error:
@@ -203,7 +203,7 @@ def cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]]
 
 
 def _case_columns(context: Context, path: Path, entries: list[dict[str, Any]]) -> tuple[list[Column], bool]:
-    """A column for each parameter that a case sets, under whichever name; and whether every name stands for some."""
+    """A column for each parameter that a case sets, under whichever name; and whether every name has a target."""
     targets: dict[str, list[Target]] = {}
     found: dict[frozenset[Path], tuple[Target, dict[int, str]]] = {}
     for i, entry in enumerate(entries):

@@ -28,7 +28,7 @@ from gearstab.waveforms.tooth import ROUNDING, Piecewise, angles_of, averaged, i
 from gearstab.waveforms.tooth_pair import ToothPair
 
 DEGREES = (8, 16, 32, 64)
-"""Degrees of the polynomials that stand for a smooth stiffness, until the last coefficients do not count."""
+"""Degrees of the polynomials that approximate a smooth stiffness; tried in turn until the last coefficients vanish."""
 RESOLVED = 1e-12
 
 OnePair = Callable[[Array, Array], Array]
