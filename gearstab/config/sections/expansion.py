@@ -136,11 +136,11 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
         return FAILED
     spec: dict[str, Any] = {"start": start, "stop": stop}
     if step is not None:
-        values = _stepped(start, stop, step, given.spacing)
-        if isinstance(values, tuple):
-            document.report((*path, "step"), *values, value=document.get((*path, "step")))
+        steps = _stepped(start, stop, step, given.spacing)
+        if isinstance(steps, tuple):
+            document.report((*path, "step"), *steps, value=document.get((*path, "step")))
             return FAILED
-        return Expansion(values, spec | {"step": step}, (start, stop))
+        return Expansion(steps, spec | {"step": step}, (start, stop))
     spec["num"] = given.num
     if given.spacing == "linear":
         num = given.num or 1

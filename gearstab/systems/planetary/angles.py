@@ -52,12 +52,13 @@ def complete(document: Document, raw: dict[str, Any]) -> None:
 
     z_r = z_s + 2 z_p, as the planets' centres are at one distance from the axis.
     """
-    teeth = mapping(raw.get("teeth"))
-    sun, planet = teeth.get("sun"), teeth.get("planet")
-    if _counts(sun, planet):
-        document.fill(("system", "teeth", "ring"), sun + 2 * planet, document.where(("system", "teeth")))
+    teeth: Any = mapping(raw.get("teeth"))
+    if _counts(teeth.get("sun"), teeth.get("planet")):
+        ring = teeth["sun"] + 2 * teeth["planet"]
+        document.fill(("system", "teeth", "ring"), ring, document.where(("system", "teeth")))
     hint = "add teeth: {sun: .., planet: ..}, or give the angles"
-    assemble(document, ("system", "angles"), raw, (sun, teeth.get("ring"), raw.get("planets")), hint)
+    numbers = teeth.get("sun"), teeth.get("ring"), raw.get("planets")
+    assemble(document, ("system", "angles"), raw, numbers, hint)
 
 
 def assemble(document: Document, path: Path, section: dict[str, Any], numbers: tuple[Any, Any, Any], hint: str) -> None:
