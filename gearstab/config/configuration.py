@@ -30,7 +30,7 @@ class Config(Grid["System"]):
     methods, respond and design: their sections.
     tree: the whole document as run, as plain data; contents: what referenced files hold, by name.
     overrides: the ``PATH=VALUE`` texts that were applied.
-    document: the document as written, which knows where everything stands.
+    document: the document as written, which knows the place of everything.
     doubts: what is right and hardly meant, such as lengths without a unit; commands print it.
     uncertainties: what the method tolerance draws samples of.
     """

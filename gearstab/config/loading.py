@@ -87,9 +87,8 @@ def _places(document: Document, name: str, option: str) -> list[Path]:
     if keys[0] in TOP_LEVEL:
         return [_walk(document, keys, option)]
     if name == "mesh_frequency":
-        raise _wrong(
-            option, "override", "is no part of the system", "set sweep.mesh_frequency or respond.mesh_frequency"
-        )
+        hint = "set sweep.mesh_frequency or respond.mesh_frequency"
+        raise _wrong(option, "override", "is no part of the system", hint)
     from gearstab.config.model.reading import read
     from gearstab.systems import KINDS, short_names
 

@@ -165,7 +165,7 @@ def _meant(value: float, unit: str, likely: str, usual: tuple[float, float]) -> 
 
 
 def _shaft_speed(document: Document, place: Path) -> Iterator[Problem]:
-    """A doubt where revolutions stand for a mesh frequency, which is as many times that as the gear has teeth."""
+    """Yield a doubt if a mesh frequency is given in revolutions: it is the number of teeth times that."""
     if any(ROTARY.search(text) for _, text in texts(document.get(place))):
         message = "is in revolutions, and a mesh frequency counts teeth"
         remedy = "multiply the speed by the number of teeth, or give input_speed, where teeth are known"
@@ -217,7 +217,7 @@ def _gears(document: Document, config: Config, train: Train) -> Iterator[Problem
 
 
 def _fastest(config: Config, train: Any) -> tuple[Path, float] | None:
-    """Where the highest speed of the input stands, and the speed (rad/s)."""
+    """Return the place of the highest speed of the input, and the speed (rad/s)."""
     found: list[tuple[float, Path]] = []
     cycles = float(train.cycles)
     for axis in config.axes:

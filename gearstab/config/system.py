@@ -19,6 +19,7 @@ from gearstab.config.model.units import Quantity, typed_unit
 from gearstab.config.samples import check_samples, read_files
 from gearstab.config.sections import sweep
 from gearstab.config.sections.dimensions import report_all
+from gearstab.config.sections.expansion import build
 from gearstab.config.sections.sweep import Context
 from gearstab.config.sections.targets import INPUT_SPEED, UNKNOWN_TEETH, Target
 from gearstab.systems.base import System
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 class SystemSections:
     """``system``, ``sweep`` and ``design``. plain: ``system`` as plain data; specs: ``sweep``, resolved.
 
-    context, uncertain: what the names of uncertain parameters refer to, and stand for.
+    context, uncertain: the section that names of uncertain parameters refer to, and their targets.
     doubts: overrides without effect. sound: whether the section has no mistake.
     """
 
@@ -49,20 +50,19 @@ class SystemSections:
 
 
 def _find_model(document: Document) -> type[System] | None:
-    """The model of ``system.kind``; None after reporting that there is none."""
+    """Return the model of ``system.kind``; None after reporting that there is none."""
     from gearstab.systems import KINDS
 
     if "system" not in document.data:
         return None
     system = document.data["system"]
-    available = f"available: {', '.join(KINDS)}"
-    if not isinstance(system, dict):
-        document.report(("system",), "wrong_type", "must be a mapping", f"add kind; {available}", value=system)
-        return None
-    kind, path = system.get("kind"), ("system", "kind")
+    kind = system.get("kind") if isinstance(system, dict) else None
     if isinstance(kind, str) and kind in KINDS:
         return KINDS[kind].variant(system)
-    if kind is None:
+    path, available = ("system", "kind"), f"available: {', '.join(KINDS)}"
+    if not isinstance(system, dict):
+        document.report(("system",), "wrong_type", "must be a mapping", f"add kind; {available}", value=system)
+    elif kind is None:
         document.report(path, "missing", "is missing", f"add kind; {available}")
     else:
         hint = f"{nearest(str(kind), KINDS)} ({available})"
@@ -96,10 +96,10 @@ def read_system(document: Document, source: FilePath) -> SystemSections | None:
         variables = design.layouts(context)
     base = list(sweep.base_values(context, [*layouts, *variables]))
     targets: dict[str, list[Target]] = {}
-    if value_at(document.data, ("methods", "tolerance")) is not None:
+    if (tolerance := document.get(("methods", "tolerance"))) is not None:
         from gearstab.config.sections import uncertain
 
-        targets = uncertain.resolve(context, value_at(document.data, uncertain.SECTION))
+        targets = uncertain.resolve(context, tolerance)
         base += uncertain.base_values(context, targets)
     for path, value, place in reversed(base):  # the first one counts
         bare, document.values["system", *path] = replaced(bare, path, value), place
@@ -107,7 +107,7 @@ def read_system(document: Document, source: FilePath) -> SystemSections | None:
     given = {("system", *path) for path, _, _ in base}
     report_all(document, ("system",), model, (section, errors), section.conflicts(), section, given)
     context = replace(context, system=section)
-    built = [(layout.name, sweep.build(context, layout)) for layout in layouts]
+    built = [(layout.name, build(document, section, layout)) for layout in layouts]
     axes = tuple(item[0] for _, item in built if item)
     wanted = design.read(context, variables) if "design" in document.data else None
     right = all(("system", *error["loc"]) in given for error in errors)
@@ -116,7 +116,7 @@ def read_system(document: Document, source: FilePath) -> SystemSections | None:
     if sound:
         if section.damping is None and section.damping_ratio is None:
             bare, section = (each.model_copy(update={"damping_ratio": 0.0}) for each in (bare, section))
-        plain = {"kind": section["kind"]} | bare.model_dump(mode="json", exclude_none=True)
+        plain = {"kind": document.data["system"]["kind"]} | bare.model_dump(mode="json", exclude_none=True)
         for where, held, _ in samples.values():
             section = replaced(section, where, value_at(section, where).model_copy(update=held))
         check_samples(document, section, axes)

@@ -156,9 +156,8 @@ def export_matrices(system: GearSystem | Source, path: str | Path) -> None:
     ]
     if periodic:
         names = ", ".join(periodic)
-        raise NotPossible(
-            f"the system has periodic terms besides its meshes ({names})", "the file has no place for them"
-        )
+        hint = "the file has no place for them"
+        raise NotPossible(f"the system has periodic terms besides its meshes ({names})", hint)
     data, file = _contents(system), io.BytesIO()
     if out.suffix.lower() == ".npz":
         np.savez_compressed(file, allow_pickle=False, **data)

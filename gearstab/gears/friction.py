@@ -224,13 +224,11 @@ def mesh_friction(
     for helical teeth, and as :func:`~gearstab.gears.mesh_stiffness.mesh_stiffness`.
     """
     if not abs(pinion_speed) > 0 or not force > 0:
-        raise NotPossible(
-            f"friction needs a turning pinion and a positive force, not {pinion_speed} rad/s and {force} N"
-        )
+        message = f"friction needs a turning pinion and a positive force, not {pinion_speed} rad/s and {force} N"
+        raise NotPossible(message)
     if pair.overlap_ratio > 0:
-        raise NotPossible(
-            "friction between helical teeth is not computed", "remove friction, or make the gears of the mesh spur"
-        )
+        hint = "remove friction, or make the gears of the mesh spur"
+        raise NotPossible("friction between helical teeth is not computed", hint)
     c = pair.contact_ratio
     kinks = [pair.phase(sliding_contact(pair, ratio)) for ratio in friction.kinks]
     edges = np.sort([0.0, stiff_fraction(c), pair.pitch_phase, *kinks])

@@ -100,24 +100,21 @@ class Gear:
         if not self.internal and not self.tip_radius > self.base_radius:
             raise NotPossible(f"no involute: the tip (radius {self.tip_radius:.6g} m) lies inside the base circle")
         if not self.root_radius > 0:
-            raise NotPossible(
-                f"the root radius {self.root_radius:.6g} m is not positive: too few teeth or too deep a cut"
-            )
+            message = f"the root radius {self.root_radius:.6g} m is not positive: too few teeth or too deep a cut"
+            raise NotPossible(message)
         if not self.full_rounding >= 0:
             raise NotPossible(f"a rack of this pressure angle has no tooth as deep as dedendum {self.dedendum} modules")
         if not self.rounding >= 0 or self.rounding > self.full_rounding * (1 + 1e-12):
-            raise NotPossible(
-                f"rack_tip_radius must lie between 0 and {self.full_rounding:.6g} modules (full rounding)"
-            )
+            message = f"rack_tip_radius must lie between 0 and {self.full_rounding:.6g} modules (full rounding)"
+            raise NotPossible(message)
         if not self.top_land > 0:
             thickness = self.top_land / self.module
             raise NotPossible(f"pointed teeth: at the tip they would be {thickness:.4g} modules thick")
         inside, outside = (self.root_radius, self.bore) if self.internal else (self.bore, self.root_radius)
         if not 0 <= inside < outside:
             side = "outside of" if self.internal else "inside"
-            raise NotPossible(
-                f"bore_radius {self.bore:.6g} m must lie {side} the root circle, {self.root_radius:.6g} m"
-            )
+            message = f"bore_radius {self.bore:.6g} m must lie {side} the root circle, {self.root_radius:.6g} m"
+            raise NotPossible(message)
 
     @property
     def sign(self) -> int:

@@ -28,8 +28,7 @@ CENTRE = 'change centre_distance, with its unit ("160 mm"), or the teeth'
 
 @dataclass(frozen=True)
 class Notice:
-    """Conditions that a designer should know: ``number`` and ``limit`` of a named condition of a part (pinion, wheel,
-    pair).
+    """A condition that a designer should know: its ``number`` and ``limit``, and its part, pinion, wheel or pair.
 
     undercut: profile shift, and the least that keeps the involute whole (modules).
     interference: s where the tip of this gear would first touch its mate, and the tangent point it passes (metres).
@@ -77,10 +76,8 @@ class Pair:
         if two.internal and two.teeth <= one.teeth:
             raise NotPossible(f"an internal gear needs more teeth than its pinion, not {two.teeth} with {one.teeth}")
         if self.centre_distance is not None and not self.centre_distance > self._bases:
-            raise NotPossible(
-                f"centre_distance {self.centre_distance:.6g} m must exceed {self._bases:.6g} m, base to base",
-                CENTRE,
-            )
+            message = f"centre_distance {self.centre_distance:.6g} m must exceed {self._bases:.6g} m, base to base"
+            raise NotPossible(message, CENTRE)
         if not self.path[1] > self.path[0]:
             raise NotPossible(f"the teeth do not reach each other at the centre distance {self.centre:.6g} m", CENTRE)
 
@@ -137,9 +134,7 @@ class Pair:
 
     @property
     def overlap_ratio(self) -> float:
-        """eps_beta = b tan beta_b/p_b, the base pitches that contact takes from one face to the other; 0 of spur
-        gears.
-        """
+        """eps_beta = b tan beta_b/p_b, base pitches of contact from one face to the other; 0 of spur gears."""
         return self.face_width * abs(tan(self.pinion.base_helix)) / self.base_pitch
 
     @property
@@ -187,8 +182,7 @@ class Pair:
     def contacts(self, x: Array | float) -> tuple[Array, Array]:
         """s of every pair that may be in contact at the phases x (in mesh periods), and which of them are.
 
-        Shapes ``(..., N)`` with N = floor(c) + 1; the last index counts pairs from the youngest. Phase 0: a pair
-        enters.
+        Shapes ``(..., N)`` with N = floor(c) + 1; the last index counts pairs from the one that entered last.
         """
         phase = wrapped(np.asarray(x, dtype=float))[..., None] + np.arange(int(self.contact_ratio) + 1)
         travelled = phase * self.base_pitch
@@ -197,9 +191,7 @@ class Pair:
 
     @property
     def tip_clearances(self) -> tuple[float, float]:
-        """Return the clearances between the pinion's tip and the wheel's root, and between the wheel's tip and the
-        pinion's root, metres.
-        """
+        """Clearances of the pinion's tip at the wheel's root, and of the wheel's tip at the pinion's root, metres."""
         one, two, sign = self.pinion, self.wheel, self.wheel.sign
         return (
             sign * (self.centre - two.root_radius) - one.tip_radius,
@@ -261,8 +253,7 @@ def _path_notices(pair: Pair) -> list[Notice]:
         found.append(Notice("interference", "wheel", wheel_tip, 0.0))
     if not pair.wheel.internal and pinion_tip > pair.length + small:
         found.append(Notice("interference", "pinion", pinion_tip, pair.length))
-    begins = (("pinion", pair.pinion, first), ("wheel", pair.wheel, pair.length - last))
-    for part, gear, arm in begins:
+    for part, gear, arm in (("pinion", pair.pinion, first), ("wheel", pair.wheel, pair.length - last)):
         if gear.internal:
             continue
         radius, form = sqrt(gear.base_radius**2 + arm**2), tooth_profile(gear).form_radius

@@ -102,10 +102,8 @@ def closing_shifts(
         if abs(centre - standard) < 1e-12 * standard:
             return 0.0
         if not centre > base:
-            raise NotPossible(
-                f"centre_distance {centre:.6g} m must exceed {base:.6g} m, base to base",
-                "give another centre_distance",
-            )
+            hint = "give another centre_distance"
+            raise NotPossible(f"centre_distance {centre:.6g} m must exceed {base:.6g} m, base to base", hint)
         return z * (involute(acos(base / centre)) - involute(alpha_t)) / (2 * tan(alpha))
 
     both, between = closing(teeth["sun"] + teeth["planet"]), closing(teeth["ring"] - teeth["planet"])

@@ -119,10 +119,9 @@ class _Annulus:
             """Rows of forces and displacements at the radius r over a_m, conj a_2-m, conj b_-m and b_m-2, scaled."""
             grows, fades = (r / large) ** m, (small / r) ** (m - 2)
             falls, mates = (small / r) ** m, (r / large) ** (m - 2)
-            return (
-                [grows, (2 - m) * fades, falls, zero], [m * grows, fades, zero, mates],
-                [kappa * grows, (m - 2) * fades, -falls, zero], [-m * grows, kappa * fades, zero, -mates],
-            )  # fmt: skip
+            message = [kappa * grows, (m - 2) * fades, -falls, zero]
+            hint = [-m * grows, kappa * fades, zero, -mates]
+            return [grows, (2 - m) * fades, falls, zero], [m * grows, fades, zero, mates], message, hint
 
         here, there = rows(a), rows(b)
         matrix = np.moveaxis(np.array([here[0], here[1], there[2], there[3]]), -1, 0)

@@ -88,7 +88,7 @@ class System(Section):
         return Respond
 
     def turning(self) -> Sequence[bool] | None:
-        """Tell which coordinates are rotations in rad, others being displacements in m; None where it is unknown."""
+        """Return which coordinates are rotations in rad, others being displacements in m; None if it is unknown."""
         return [False] * (self.size() or 0)
 
     def turning_meshes(self) -> bool:
@@ -144,11 +144,11 @@ class System(Section):
         return None
 
     def summary(self) -> dict[str, str]:
-        """Return what ``gearstab info`` says of the kind besides: a line each, by its heading."""
+        """Return further lines of ``gearstab info`` about the kind, by their headings."""
         return {}
 
     def doubts(self) -> Iterator[tuple[Path, str, str]]:
-        """Yield what is right and hardly meant: path, message and remedy; beside numbers that are far from usual."""
+        """Yield what is right and hardly meant: path, message and remedy, apart from unusual numbers."""
         yield from ()
 
     def follow_speed(self) -> list[Path]:

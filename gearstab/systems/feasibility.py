@@ -154,7 +154,7 @@ def _limit(p: dict[str, float], key: str, allowed: bool, wave: type[Waveform] | 
 
 
 def _place(document: Document, grid: Grid[Any], index: str | int, key: str, chosen: dict[str, int]) -> Path:
-    """Where the value to blame stands: in an axis that sets it or another level key, or in the mesh."""
+    """Return the place of the value to blame: an axis that sets it or another level key, or the mesh."""
     for wanted in (key, *LEVEL_KEYS):
         for axis in grid.axes:
             if axis.name in chosen and any(a.path[:3] == ("meshes", index, wanted) for a in axis.assignments):

@@ -92,7 +92,7 @@ class GearPair(System):
     def variant(cls, raw: dict[str, Any]) -> type[System]:
         """Two gears, where they are given by their numbers or where the formulation needs them."""
         formulation = raw.get("formulation", CLASSICAL)
-        # Beside an equivalent mass or a mesh the teeth tell the speed alone.
+        # With an equivalent mass or a mesh the teeth serve the input speed only.
         keys = DECISIVE if "equivalent_mass" in raw or "meshes" in raw else OF_GEARS
         by_gears = any(key in raw for key in keys) or (formulation in FORMULATIONS and formulation != CLASSICAL)
         return RotatingGearPair if by_gears else cls

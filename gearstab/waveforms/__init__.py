@@ -24,18 +24,6 @@ WAVEFORMS: dict[str, type[Waveform]] = {
 }
 
 __all__ = [
-    "WAVEFORMS",
-    "Constant",
-    "Fourier",
-    "Helical",
-    "Product",
-    "Profile",
-    "Rectangular",
-    "Sampled",
-    "Scaled",
-    "Tooth",
-    "ToothPair",
-    "TorqueTable",
-    "Trapezoidal",
-    "Waveform",
-]
+    "WAVEFORMS", "Constant", "Fourier", "Helical", "Product", "Profile", "Rectangular", "Sampled", "Scaled", "Tooth",
+    "ToothPair", "TorqueTable", "Trapezoidal", "Waveform",
+]  # fmt: skip

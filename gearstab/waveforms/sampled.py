@@ -80,12 +80,8 @@ class Sampled(OfStiffness):
         for i, value in enumerate(phase):
             if not 0 <= value < 1:
                 again = "; leave it out, phase 1 is phase 0 again" if value == 1 else ""
-                return (
-                    i,
-                    "out_of_range",
-                    f"phase {value:g} is outside [0, 1)",
-                    f"a phase is a fraction of the mesh period{again}",
-                )
+                hint = f"a phase is a fraction of the mesh period{again}"
+                return i, "out_of_range", f"phase {value:g} is outside [0, 1)", hint
             if found := wrong_order(i, phase):
                 return found
         return None

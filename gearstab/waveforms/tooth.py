@@ -140,19 +140,25 @@ def _range(coefficients: Array) -> tuple[float, float]:
 def nodes(edges: Array, degree: int) -> Array:
     """``(B, degree + 1)``: the Chebyshev points inside each of the pieces that begin at ``edges``, ``(B,)``."""
     ends = np.append(edges[1:], 1.0)
-    return edges[:, None] + (ends - edges)[:, None] * (np.cos(_angles(degree)) + 1) / 2
+    return edges[:, None] + (ends - edges)[:, None] * (np.cos(angles_of(degree)) + 1) / 2
 
 
-def _angles(degree: int) -> Array:
+def angles_of(degree: int) -> Array:
+    """``(degree + 1,)``, descending: the Chebyshev points are their cosines."""
     return np.pi * (np.arange(degree, -1, -1) + 0.5) / (degree + 1)
+
+
+def interpolated(values: Array) -> Array:
+    """Chebyshev coefficients of the polynomials through values ``(..., degree + 1)`` at the Chebyshev points."""
+    order = np.arange(values.shape[-1])
+    basis = np.cos(np.outer(angles_of(len(order) - 1), order))
+    found: Array = values @ basis * (np.where(order == 0, 1.0, 2.0) / len(order))
+    return found
 
 
 def through(edges: Array, values: Array) -> Piecewise:
     """The polynomials through ``values`` at the :func:`nodes` of the pieces, ``(B, degree + 1)``."""
-    degree = values.shape[-1] - 1
-    basis = np.cos(np.outer(_angles(degree), np.arange(degree + 1)))
-    scale = np.where(np.arange(degree + 1) == 0, 1.0, 2.0) / (degree + 1)
-    coefficients = values @ basis * scale
+    coefficients = interpolated(values)
     size = np.max(np.abs(coefficients), axis=0)
     needed = np.flatnonzero(size > ROUNDING * np.max(size))
     return Piecewise(edges, coefficients[:, : needed[-1] + 1 if len(needed) else 1])

@@ -98,12 +98,8 @@ class ToothPair(OfStiffness):
             if found := wrong_order(i, phase):
                 return found
         if phase[0] != 0 or phase[-1] != 1:
-            return (
-                None,
-                "out_of_range",
-                f"runs from {phase[0]:g} to {phase[-1]:g}",
-                "give a pair's whole contact, from phase 0 to 1",
-            )
+            hint = "give a pair's whole contact, from phase 0 to 1"
+            return None, "out_of_range", f"runs from {phase[0]:g} to {phase[-1]:g}", hint
         return None
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gearstab as gs
-from gearstab.config.sections.expansion import evenly
+from gearstab.config.model.axes import evenly
 
 PAIR = {
     "kind": "gear_pair", "equivalent_mass": 1.0,

@@ -1,1 +1,1 @@
-"""A document in YAML: where everything stands in it, changes for one run, and what is wrong with it."""
+"""A document in YAML, with the place of every value, and what is wrong with it."""

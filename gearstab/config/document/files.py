@@ -141,14 +141,8 @@ def _text(value: Any) -> str:
 
 def _matlab(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
     """Read in a process of its own: on a damaged file SciPy's reader may crash."""
-    command = [
-        sys.executable,
-        "-c",
-        "from gearstab.config.document.files import main; main()",
-        str(path),
-        str(most),
-        *names,
-    ]
+    reader = "from gearstab.config.document.files import main; main()"
+    command = [sys.executable, "-c", reader, str(path), str(most), *names]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=SLOWEST, check=False)
     if done.returncode == 1 and done.stdout:
         raise DataFileError(*json.loads(done.stdout))

@@ -88,7 +88,7 @@ def code_of(kind: Any) -> Code:
 
 
 Path = tuple[str | int, ...]
-"""Where a value stands in a document: keys and 0-based indices."""
+"""Place of a value in a document: keys and 0-based indices."""
 
 LONGEST_VALUE = 60
 """Characters of a wrong value that a message shows."""
@@ -104,7 +104,7 @@ class Problem:
     """One mistake: ``file:line: path: message (got value); hint``.
 
     file: the configuration as the user named it, or ``--set PATH`` for an override; line: from 1, None without one.
-    path: dotted, from the top of the document; value: what stands there, shortened, or "".
+    path: dotted, from the top of the document; value: the value there, shortened, or "".
     code: the kind of mistake, one of :data:`CODES`; message: what is wrong; hint: what to do.
     """
 

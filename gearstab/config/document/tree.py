@@ -1,4 +1,4 @@
-"""A document as plain data that remembers where everything stands: read from YAML, or given as data of Python.
+"""A document as plain data that remembers the place of everything: read from YAML, or given as data of Python.
 
 Of plain data nothing is known yet: the functions here return what is there in one form, whatever it is.
 """
@@ -36,7 +36,7 @@ def sequence(value: Any) -> list[Any]:
 
 
 def entries(value: Any) -> Iterable[tuple[str | int, Any]]:
-    """Return key or index and value of all that stands directly in a mapping, section or list; nothing of others."""
+    """Return key or index and value of all direct entries of a mapping, section or list; nothing of others."""
     if isinstance(value, list | tuple):
         return enumerate(value)
     return value.items() if isinstance(value, dict) else iter(value) if is_section(value) else ()
@@ -85,7 +85,7 @@ class Document:
 
     data: nested dicts, lists, numbers, texts, booleans and None; a key is always text.
     values, keys: path -> place of the value and of its key. A block mapping or list counts as standing at its key.
-    first: the line of what stands nowhere in it, None of data without lines.
+    first: the line of what is not written in it, None of data without lines.
     """
 
     file: str
@@ -130,7 +130,7 @@ class Document:
             raise ConfigError(self.problems)
 
     def put(self, path: Path, value: Any, place: Where) -> None:
-        """Set a value, all parts of which then stand at ``place``; the container of the last key must exist."""
+        """Set a value, all parts of which are then at ``place``; the container of the last key must exist."""
         for table in (self.values, self.keys):
             for known in [p for p in table if p[: len(path)] == path]:
                 del table[known]
@@ -141,7 +141,7 @@ class Document:
             self.keys[inner] = place
 
     def fill(self, path: Path, value: Any, place: Where) -> bool:
-        """Set a value that the mapping around it does not give; tell whether it was set."""
+        """Set a value that the mapping around it does not give; return whether it was set."""
         container = self.get(path[:-1])
         missing = isinstance(container, dict) and container.get(str(path[-1])) is None
         if missing:
@@ -156,7 +156,7 @@ class Document:
         self.move(path, (*path, key))
 
     def move(self, source: Path, target: Path) -> None:
-        """Let everything that stands below ``source`` be found below ``target``; the data is the caller's."""
+        """Let everything below ``source`` be found below ``target``; the data is the caller's."""
         for table in (self.values, self.keys):
             for known in [p for p in table if p[: len(source)] == source]:
                 table[target + known[len(source) :]] = table[known]

@@ -126,7 +126,7 @@ def _check_aliases(root: Node, name: str) -> None:
     unfinished = (0, 0)
 
     def extent(node: Node) -> tuple[int, int]:
-        """Number of values in a node and how deep they stand, aliases followed."""
+        """Return the number of values in a node and their depth, aliases followed."""
         known = extents.get(id(node))
         if known is unfinished:
             line = node.start_mark.line + 1

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any, Generic, TypeVar, cast
 
 import numpy as np
@@ -17,7 +19,11 @@ Kind = TypeVar("Kind")
 Array = np.ndarray
 
 MESH_FREQUENCY: Path = ("mesh_frequency",)
-"""Where the mesh frequency stands, which no system has."""
+"""Path of the mesh frequency, which is not a number of a system."""
+EXACT = 2**53
+"""Whole numbers up to this one are doubles."""
+EXACT_POWER = 22
+"""The largest power of ten that is a double."""
 SPEEDS = ("mesh_frequency", "input_speed")
 """Names of axes of the mesh frequency itself, or of the speed of an input that sets it."""
 
@@ -201,3 +207,22 @@ def diagonal(values: Sequence[Any]) -> Array:
 def given(number: Any) -> bool:
     """Return whether a number is there and not zero everywhere."""
     return number is not None and bool(np.any(np.asarray(number) != 0))
+
+
+def evenly(start: float, change: Decimal, parts: int, count: int) -> Array | None:
+    """Return start + i change/parts for i < count, each rounded once; None unless all are short decimal numbers.
+
+    Numerator and denominator are whole numbers that doubles hold exactly, so that 3 steps of 0.1 are 0.3.
+    """
+    first = Decimal(repr(start))
+    digits = max(0, *(-int(number.as_tuple().exponent) for number in (first, change)))
+    if digits > EXACT_POWER:
+        return None
+    a, b = (int(number.scaleb(digits)) for number in (first, change))
+    endless = parts // math.gcd(b, parts)
+    for factor in (2, 5):
+        while endless % factor == 0:
+            endless //= factor
+    if endless > 1 or max(abs(a) * parts + abs(b) * count, parts * 10**digits) > EXACT:
+        return None
+    return np.asarray((a * parts + b * np.arange(count)) / (parts * 10**digits))

@@ -38,7 +38,7 @@ def items(section: Any) -> list[tuple[Any, Any]]:
 
 
 def exactly_one(section: Any, names: tuple[str, ...], what: str = "") -> Iterator[Conflict]:
-    """A conflict unless exactly one of the fields is given."""
+    """Yield a conflict unless exactly one of the fields is given."""
     either = " or ".join(names)
     if all(getattr(section, name) is None for name in names):
         yield (), "missing", f"{either} is missing", what or f"add {either}"
@@ -46,14 +46,14 @@ def exactly_one(section: Any, names: tuple[str, ...], what: str = "") -> Iterato
 
 
 def at_most_one(section: Any, names: tuple[str, ...]) -> Iterator[Conflict]:
-    """A conflict for each of the fields that is given beside another one."""
+    """Yield a conflict for each field that is given in addition to another one."""
     given = [name for name in names if getattr(section, name) is not None]
     for extra in given[1:]:
         yield (extra,), "already_given", f"{given[0]} is given already", f"keep one of {', '.join(names)}"
 
 
 def below(key: str | int, conflicts: Iterable[Conflict]) -> Iterator[Conflict]:
-    """Yield the conflicts of what stands at a key."""
+    """Yield the conflicts of the section at a key."""
     for path, code, message, hint in known(conflicts):
         yield (key, *path), code, message, hint
 
@@ -199,7 +199,7 @@ def report_errors(
 ) -> None:
     """Report every error but those that follow from another one.
 
-    These stand beside an option that does not exist yet, or miss a key that is there but misspelt.
+    These concern neighbours of an option that does not exist yet, or a key that is given but misspelt.
     """
     extra = [d["loc"] for d in details if d["type"] == "extra_forbidden"]
     misspelt = [(*loc[:-1], right_name(str(loc[-1]), type_at(model, loc[:-1]))) for loc in extra]
@@ -214,7 +214,7 @@ def report_errors(
 
 
 def explain(detail: Any) -> tuple[str, str]:
-    """Message and remedy of an error that concerns a value alone."""
+    """Return message and remedy of an error that concerns a value alone."""
     kind, context = detail["type"], detail.get("ctx", {})
     if kind in SIGNS:
         bound = f"{SIGNS[kind]} {next(iter(context.values())):g}"
@@ -223,11 +223,15 @@ def explain(detail: Any) -> tuple[str, str]:
         return SHAPES[kind]
     if kind in ("too_short", "too_long"):
         wanted = context.get("min_length", context.get("max_length"))
-        return (
-            f"has {context['actual_length']} entries",
-            f"give {'at least' if kind == 'too_short' else 'at most'} {wanted}",
-        )
+        hint = f"give {'at least' if kind == 'too_short' else 'at most'} {wanted}"
+        return f"has {context['actual_length']} entries", hint
     return detail["msg"], context.get("hint", "")
+
+
+def report_detail(document: Document, path: Path, detail: Any, value: Any) -> None:
+    """Report an error that concerns a value alone."""
+    message, hint = explain(detail)
+    document.report(path, code_of(detail["type"]), message, hint, value=value)
 
 
 def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None:

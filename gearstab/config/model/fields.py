@@ -199,9 +199,8 @@ class Choice:
         if type(value) in (str, int) and value in self.planned:
             raise wrong("unavailable", f"{self.what} '{value}' is not available in this version", f"available: {names}")
         hint = nearest(str(value), map(str, self.available)) if isinstance(value, str) else f"available: {names}"
-        raise wrong(
-            "unknown_choice", f"is no {self.what}", hint if hint.endswith(names) else f"{hint} (available: {names})"
-        )
+        hint = hint if hint.endswith(names) else f"{hint} (available: {names})"
+        raise wrong("unknown_choice", f"is no {self.what}", hint)
 
 
 @dataclass(frozen=True)

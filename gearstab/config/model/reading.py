@@ -78,7 +78,7 @@ def number_kind(annotation: Any) -> Quantity | Ratio | None:
 
 
 def short_name(annotation: Any) -> ShortName | None:
-    """Return what the name of a field stands for by itself, None for other fields."""
+    """Return the short name that marks a field, None for other fields."""
     return _marked(annotation, ShortName)
 
 

@@ -22,7 +22,7 @@ NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\
 FRACTION = re.compile(r"\s*([-+]?\d{1,12})\s*/\s*(\d{1,12})\s*\Z", re.ASCII)
 """A ratio of two whole numbers, such as "1/3"."""
 COMMAS = re.compile(r"\s*([-+]?)(\d[\d.]*|),(\d[\d.,]*)(.*)", re.DOTALL)
-"""A number with a comma: sign, what stands before and behind the comma, and the rest."""
+"""A number with a comma: sign, the parts before and behind the comma, and the rest."""
 NEWTON_METRE = re.compile(r"\b([kM]?N)m\b")
 """pint reads "Nm" as number times metre."""
 PER_CENT = ("%", "percent", "per cent")
@@ -110,11 +110,8 @@ def to_si(text: str, units: tuple[str, ...], turns: bool = False) -> float:
         raise wrong("not_a_number", "must be a number, not a text", "write it without quotes")
     value, unit = float(found[1]), found[2]
     if not unit:
-        raise wrong(
-            "no_unit",
-            "is a text without a unit",
-            f'write {found[1]} without quotes, or add a unit: "{found[1]} {units[0]}"',
-        )
+        hint = f'write {found[1]} without quotes, or add a unit: "{found[1]} {units[0]}"'
+        raise wrong("no_unit", "is a text without a unit", hint)
     if not units:
         return _dimensionless(value, unit, turns)
     quantity = _quantity(value, unit, f'use a unit such as "{units[0]}"')
@@ -162,9 +159,8 @@ def _dimensionless(value: float, unit: str, turns: bool) -> float:
     quantity = _quantity(value, unit, hint)
     if turns and quantity.is_compatible_with("rad") and _says_angles(quantity, "rad"):
         return float(quantity.to("rad").magnitude) / (2 * math.pi)
-    raise wrong(
-        "wrong_dimension", "is dimensionless" + (" but for an angle" if turns else "") + f" and takes no '{unit}'", hint
-    )
+    message = "is dimensionless" + (" but for an angle" if turns else "") + f" and takes no '{unit}'"
+    raise wrong("wrong_dimension", message, hint)
 
 
 def _quantity(value: float, unit: str, hint: str) -> Any:

@@ -7,19 +7,25 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
-from gearstab.config.document.problems import Path, code_of, dotted, nearest
-from gearstab.config.document.tree import Document, is_number, mapping, sequence
+from gearstab.config.document.problems import Path, nearest
+from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.model.axes import SPEEDS, Axis
-from gearstab.config.model.conflicts import explain
 from gearstab.config.model.fields import NUMBER
 from gearstab.config.model.reading import quantity
 from gearstab.config.sections import design_variables
-from gearstab.config.sections.expansion import expand_list
-from gearstab.config.sections.objectives import OBJECTIVES, QUANTITIES
-from gearstab.config.sections.sweep import Context, UnresolvedAxis, build
-from gearstab.config.sections.targets import INPUT_SPEED, Target
+from gearstab.config.sections.expansion import UnresolvedAxis, build, expand_list
+from gearstab.config.sections.objectives import (
+    OBJECTIVES,
+    QUANTITIES,
+    Limit,
+    each,
+    positive,
+    read_limits,
+    read_objectives,
+)
+from gearstab.config.sections.sweep import Context
+from gearstab.config.sections.targets import INPUT_SPEED
 
 KEYS = {
     "range": "range: {mesh_frequency: [2.0, 6.0]}",
@@ -85,17 +91,6 @@ class SpeedRange:
 
 
 @dataclass(frozen=True)
-class Limit:
-    """A constraint: low <= the quantity, or the numbers at these paths below ``system``, <= high, in SI units."""
-
-    name: str
-    paths: tuple[Path, ...]
-    low: float
-    high: float
-    units: str
-
-
-@dataclass(frozen=True)
 class Design:
     """A design problem as read.
 
@@ -131,18 +126,19 @@ def read(context: Context, found: list[UnresolvedAxis]) -> Design | None:
     before = len(context.document.problems)
     variables, specs = [], {}
     for layout in found:
-        built = build(context, layout)
+        built = build(context.document, context.system, layout)
         form = design_variables.form_of(context.document, layout.name)
         if built is None or form is None:
             continue
         kinds = [quantity(target.annotation) for column in layout.columns for target in column.targets]
         variables.append(DesignVariable(built[0], form, all(kind is not None and kind.turns for kind in kinds)))
-        specs[layout.name] = _spec(form, built[1])
+        values = [int(float(built[1][k])) for k in (0, -1)] if form == "integers" else built[1]
+        specs[layout.name] = values if form == "bounds" else {form: values}
         design_variables.check(context.document, variables[-1].axis, form)
     section = mapping(context.document.get(("design",)))
     ranges = list(_ranges(context, section.get("range")))
-    objectives = list(_objectives(context.document, section.get("minimise")))
-    limits = list(_limits(context, section.get("constraints")))
+    objectives = list(read_objectives(context.document, section.get("minimise")))
+    limits = list(read_limits(context, section.get("constraints")))
     if len(context.document.problems) > before or not (variables and ranges and objectives):
         return None
     tree = {
@@ -151,36 +147,19 @@ def read(context: Context, found: list[UnresolvedAxis]) -> Design | None:
         "minimise": [dict(item) for item in objectives] if len(objectives) > 1 else dict(objectives[0]),
     }
     if limits:
-        tree["constraints"] = {item.name: _ends(item) for item in limits}
+        tree["constraints"] = {item.name: item.ends for item in limits}
     return Design(tuple(variables), tuple(ranges), tuple(objectives), tuple(limits), tree)
-
-
-def _spec(form: str, values: Any) -> Any:
-    """A variable as plain data, in the form in which it was given."""
-    if form == "bounds":
-        return values
-    return {form: [int(float(values[k])) for k in (0, -1)] if form == "integers" else values}
-
-
-def _ends(limit: Limit) -> dict[str, float]:
-    ends = {"min": limit.low, "max": limit.high}
-    return {name: value for name, value in ends.items() if np.isfinite(value)}
-
-
-def _each(path: Path, spec: Any) -> list[tuple[Path, Any]]:
-    """Path and value of each entry of a list, or of what stands there alone."""
-    return [((*path, i), item) for i, item in enumerate(spec)] if isinstance(spec, list) else [(path, spec)]
 
 
 def _ranges(context: Context, spec: Any) -> Iterator[SpeedRange]:
     document, path = context.document, ("design", "range")
     if spec in (None, [], {}):
         return
-    for place, item in _each(path, spec):
+    for place, item in each(path, spec):
         found = _range(context, place, item)
         if found is not None:
             yield found
-    kinds = {key for _, item in _each(path, spec) for key in mapping(item) if key in SPEEDS}
+    kinds = {key for _, item in each(path, spec) for key in mapping(item) if key in SPEEDS}
     if len(kinds) > 1:
         hint = "use one of the two for all"
         document.report(path, "needs_other", "some ranges are of mesh_frequency and some of input_speed", hint)
@@ -198,7 +177,7 @@ def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
         if key not in (*SPEEDS, "weight"):
             document.report((*path, key), "unknown_key", "unknown key", nearest(key, (*SPEEDS, "weight")), at_key=True)
     of, ends = named[0], item[named[0]]
-    weight = _positive(document, (*path, "weight"), item["weight"]) if "weight" in item else 1.0
+    weight = positive(document, (*path, "weight"), item["weight"]) if "weight" in item else 1.0
     targets = context.resolve(of, (*path, of))
     if len(sequence(ends)) != 2:
         hint = "write [low, high]"
@@ -214,95 +193,6 @@ def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
         document.report((*path, of), "wrong_order", "is no range", "give the lower speed first", value=ends)
         return None
     return SpeedRange(of, low, high, weight, found.typed_units)
-
-
-def _positive(document: Document, path: Path, value: Any) -> float | None:
-    """A number > 0; None after reporting that it is none."""
-    if is_number(value) and 0 < value < np.inf:
-        return float(value)
-    document.report(path, "wrong_type", "must be a number > 0", "write a number > 0", value=value)
-    return None
-
-
-def _objectives(document: Document, spec: Any) -> Iterator[dict[str, float]]:
-    """Weights by name, of each objective."""
-    path: Path = ("design", "minimise")
-    if spec in (None, [], {}):
-        return
-    seen: list[Any] = []
-    for place, item in _each(path, spec):
-        if item in seen:
-            document.report(place, "repeated_name", "stands there twice", "name each objective once", value=item)
-        seen.append(item)
-        found = _objective(document, place, item)
-        if found:
-            yield found
-
-
-def _objective(document: Document, path: Path, item: Any) -> dict[str, float]:
-    weights = {item: 1.0} if isinstance(item, str) else mapping(item)
-    if not weights:
-        hint = f"write one of {', '.join(OBJECTIVES)}, or a mapping of weights"
-        document.report(path, "wrong_type", "must name what is to be small", hint, value=item)
-        return {}
-    found = {}
-    for name, weight in weights.items():
-        place = (*path, name) if weights is item else path
-        if name not in OBJECTIVES:
-            hint = nearest(str(name), OBJECTIVES)
-            document.report(place, "unknown_name", f"'{name}' is no objective", hint, at_key=True)
-            continue
-        number = _positive(document, place, weight)
-        if number is not None:
-            found[name] = number
-    return found
-
-
-def _limits(context: Context, spec: Any) -> Iterator[Limit]:
-    document, path = context.document, ("design", "constraints")
-    if spec in (None, {}):
-        return
-    if not mapping(spec):
-        document.report(path, "wrong_type", "must be a mapping", f"write {KEYS['constraints']}", value=spec)
-        return
-    for name, ends in spec.items():
-        found = _limit(context, (*path, name), name, ends)
-        if found is not None:
-            yield found
-
-
-def _limit(context: Context, path: Path, name: str, ends: Any) -> Limit | None:
-    document = context.document
-    if not mapping(ends) or not ends.keys() <= {"min", "max"}:
-        document.report(path, "missing", "must give min, max or both", "write {min: .., max: ..}", value=ends or None)
-        return None
-    targets: list[Target] = []
-    if name in QUANTITIES:
-        units = QUANTITIES[name].units
-        adapter: TypeAdapter[Any] = TypeAdapter(QUANTITIES[name].annotation)
-    else:
-        targets = context.resolve(name, path)
-        if not targets:
-            return None
-        if targets[0].exact and not targets[0].counted:
-            hint = "give the choices in variables"
-            document.report(path, "no_range", "is no number that has limits", hint, at_key=True)
-            return None
-        units, adapter = targets[0].unit, TypeAdapter(targets[0].plain)
-    values = {"min": -np.inf, "max": np.inf}
-    for key, value in ends.items():
-        try:
-            values[key] = float(adapter.validate_python(value))
-        except ValidationError as error:
-            detail = error.errors(include_url=False)[0]
-            message, hint = explain(detail)
-            document.report((*path, key), code_of(detail["type"]), message, hint, value=value)
-            return None
-    if values["min"] > values["max"]:
-        document.report(path, "wrong_order", "min is larger than max", "exchange the two", value=dotted(path))
-        return None
-    paths = tuple(item.paths[0] for item in targets)
-    return Limit(name, paths, values["min"], values["max"], units)
 
 
 def json_schema() -> dict[str, Any]:

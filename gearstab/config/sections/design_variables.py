@@ -17,7 +17,8 @@ from gearstab.config.document.yaml import number
 from gearstab.config.model.axes import Axis
 from gearstab.config.model.columns import PLAIN, head
 from gearstab.config.model.fields import NUMBER
-from gearstab.config.sections.sweep import Column, Context, UnresolvedAxis, cases, report_rivals
+from gearstab.config.sections.expansion import Column, UnresolvedAxis
+from gearstab.config.sections.sweep import Context, cases, report_rivals
 from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target
 
 FORMS = {
@@ -33,7 +34,7 @@ MOST_CHOICES = 10_000
 
 
 def layouts(context: Context) -> Iterator[UnresolvedAxis]:
-    """Find what each variable sets; reports forms that are none, names that stand for nothing, and rivals."""
+    """Find what each variable sets; report unknown forms, names without a target, and rivals."""
     document = context.document
     section = mapping(document.get(PLACE))
     if not section:

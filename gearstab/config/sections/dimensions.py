@@ -94,15 +94,15 @@ def report_all(
     which values are not those of the section.
     """
     section, errors = read
-    conflicts.report(document, path, rules, section)
     units = set() if system is None else {*_wrong_units(document, system, str(path[0]), model, ignore)}
+    conflicts.report(document, path, rules, section)
     conflicts.report_errors(document, errors, model, path, {*ignore, *units})
 
 
 def _wrong_units(
     document: Document, system: System, top: str, section: type[BaseModel], ignore: Collection[Path]
 ) -> Iterator[Path]:
-    """Report texts in a section whose unit does not fit the system; yield where they stand."""
+    """Report texts in a section whose unit does not fit the system; yield their places."""
     for path, text in texts(document.data.get(top)):
         declared = quantity(type_at(section, path))
         place = (top, *path)

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from gearstab.config.document.problems import Code, Path, code_of
+from gearstab.config.document.problems import Code, Path
 from gearstab.config.document.tree import Document
-from gearstab.config.model.axes import Array
-from gearstab.config.model.conflicts import explain, validate
+from gearstab.config.model.axes import Array, Assignment, Axis, evenly
+from gearstab.config.model.conflicts import report_detail, validate
 from gearstab.config.model.fields import AnyNumber, Choice, Section, Whole, optional
 from gearstab.config.model.reading import axis_choice, number_kind
 from gearstab.config.model.units import typed_unit
-from gearstab.config.sections.targets import Target
+from gearstab.config.sections.targets import Target, described
+from gearstab.systems.base import System
 
 LARGEST_AXIS = 100_000_000
 STEP_TOLERANCE = 1e-9
@@ -94,7 +94,7 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
 
 
 def expand_list(document: Document, items: list[Any], places: list[Path], target: Target, path: Path) -> Expansion:
-    """Values given one by one, which stand at ``places``."""
+    """Return values that are given one by one, at ``places``."""
     if not items:
         document.report(path, "empty", "an axis without values", "give at least one value")
         return FAILED
@@ -102,10 +102,7 @@ def expand_list(document: Document, items: list[Any], places: list[Path], target
         values = target.adapter.validate_python(items)
     except ValidationError as error:
         for detail in error.errors(include_url=False):
-            message, hint = explain(detail)
-            document.report(
-                places[int(detail["loc"][0])], code_of(detail["type"]), message, hint, value=detail["input"]
-            )
+            report_detail(document, places[int(detail["loc"][0])], detail, detail["input"])
         return FAILED
     if target.exact:
         return Expansion(values, target.adapter.dump_python(values, mode="json"))
@@ -121,9 +118,7 @@ def _number(document: Document, path: Path, name: str, target: Target, *, ranged
     try:
         return float(TypeAdapter(annotation).validate_python(raw))
     except ValidationError as error:
-        detail = error.errors(include_url=False)[0]
-        message, hint = explain(detail)
-        document.report((*path, name), code_of(detail["type"]), message, hint, value=raw)
+        report_detail(document, (*path, name), error.errors(include_url=False)[0], raw)
         return None
 
 
@@ -141,13 +136,11 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
         return FAILED
     spec: dict[str, Any] = {"start": start, "stop": stop}
     if step is not None:
-        typed = document.get((*path, "step"))
-
-        def report(code: Code, message: str, hint: str) -> None:
-            document.report((*path, "step"), code, message, hint, value=typed)
-
-        values = _stepped(start, stop, step, given.spacing, report)
-        return FAILED if values is None else Expansion(values, spec | {"step": step}, (start, stop))
+        steps = _stepped(start, stop, step, given.spacing)
+        if isinstance(steps, tuple):
+            document.report((*path, "step"), *steps, value=document.get((*path, "step")))
+            return FAILED
+        return Expansion(steps, spec | {"step": step}, (start, stop))
     spec["num"] = given.num
     if given.spacing == "linear":
         num = given.num or 1
@@ -161,48 +154,118 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
     return Expansion(np.geomspace(start, stop, given.num or 1), spec | {"spacing": "log"}, (start, stop))
 
 
-def evenly(start: float, change: Decimal, parts: int, count: int) -> Array | None:
-    """Return start + i change/parts for i < count, each rounded once; None unless all are short decimal numbers.
-
-    Numerator and denominator are whole numbers that doubles hold exactly, so that 3 steps of 0.1 are 0.3.
-    """
-    first = Decimal(repr(start))
-    digits = max(0, *(-int(number.as_tuple().exponent) for number in (first, change)))
-    if digits > EXACT_POWER:
-        return None
-    a, b = (int(number.scaleb(digits)) for number in (first, change))
-    endless = parts // math.gcd(b, parts)
-    for factor in (2, 5):
-        while endless % factor == 0:
-            endless //= factor
-    if endless > 1 or max(abs(a) * parts + abs(b) * count, parts * 10**digits) > EXACT:
-        return None
-    return np.asarray((a * parts + b * np.arange(count)) / (parts * 10**digits))
-
-
-EXACT = 2**53
-"""Whole numbers up to this one are doubles."""
-EXACT_POWER = 22
-"""The largest power of ten that is a double."""
-
-
-def _stepped(
-    start: float, stop: float, step: float, spacing: str, report: Callable[[Code, str, str], None]
-) -> Array | None:
+def _stepped(start: float, stop: float, step: float, spacing: str) -> Array | tuple[Code, str, str]:
+    """Return the values, or code, message and remedy for a step that makes none."""
     if spacing == "log":
-        report("no_range", "log spacing takes no step", "give num, the number of values")
-    elif step == 0 or (stop - start) / step < 0:
+        return "no_range", "log spacing takes no step", "give num, the number of values"
+    if step == 0 or (stop - start) / step < 0:
         sign = "positive" if stop >= start else "negative"
-        report("no_range", f"must lead from {start:g} to {stop:g}", f"choose a {sign} step")
-    elif (stop - start) / step >= LARGEST_AXIS:
-        report("too_large", f"gives more than {LARGEST_AXIS} values", "choose a larger step")
-    else:
-        steps = (stop - start) / step
-        count = math.floor(steps + STEP_TOLERANCE)
-        values = evenly(start, Decimal(repr(step)), 1, count + 1)
-        if values is None:
-            values = start + step * np.arange(count + 1)
-        if abs(steps - count) <= STEP_TOLERANCE:
-            values[-1] = stop  # hit to rounding: the end is what the user wrote
-        return values
-    return None
+        return "no_range", f"must lead from {start:g} to {stop:g}", f"choose a {sign} step"
+    steps = (stop - start) / step
+    if steps >= LARGEST_AXIS:
+        return "too_large", f"gives more than {LARGEST_AXIS} values", "choose a larger step"
+    count = math.floor(steps + STEP_TOLERANCE)
+    values = evenly(start, Decimal(repr(step)), 1, count + 1)
+    if values is None:
+        values = start + step * np.arange(count + 1)
+    if abs(steps - count) <= STEP_TOLERANCE:
+        values[-1] = stop  # hit to rounding: the end is what the user wrote
+    return values
+
+
+@dataclass
+class Column:
+    """Parameters that take the same values along an axis.
+
+    items: values written one by one (cases), with the place of each; without them the values are at ``path``.
+    base: the value of cases that do not set it, None where all do.
+    """
+
+    path: Path
+    targets: list[Target]
+    items: list[Any] = field(default_factory=list)
+    places: list[Path] = field(default_factory=list)
+    base: Any = None
+
+    def expand(self, document: Document, target: Target) -> Expansion:
+        if self.items:
+            return expand_list(document, self.items, self.places, target, self.path)
+        return expand(document, self.path, target)
+
+
+@dataclass
+class UnresolvedAxis:
+    """An axis before its values are known.
+
+    sound: whether every name in it has a target. labels, cases and tie: of axes in these forms, as written.
+    expansions: the values of each column for each of its targets.
+    """
+
+    name: str
+    columns: list[Column]
+    sound: bool = True
+    labels: list[str] | None = None
+    tie: dict[str, Any] | None = None
+    cases: list[dict[str, Any]] | None = None
+    expansions: list[list[Expansion]] = field(default_factory=list)
+
+    def expand(self, document: Document) -> None:
+        """Find the values; report problems."""
+        self.expansions = [[column.expand(document, t) for t in column.targets] for column in self.columns]
+
+
+def build(document: Document, system: System, layout: UnresolvedAxis) -> tuple[Axis, Any] | None:
+    """Return the axis and its resolved specification; None after reporting problems."""
+    expansions = layout.expansions
+    flat = [e for found in expansions for e in found]
+    if not layout.sound or not flat or any(e.values is None for e in flat):
+        return None
+    sizes = [found[0].size for found in expansions]
+    if len(set(sizes)) > 1:
+        path = ("sweep", layout.name, "values")
+        hint = "give all of them as many"
+        document.report(path, "wrong_count", f"the targets have {', '.join(map(str, sizes))} values", hint)
+        return None
+    targets = [target for column in layout.columns for target in column.targets]
+    assignments = tuple(
+        Assignment(
+            path,
+            e.values if target.factor == 1 else np.asarray(e.values) * target.factor,
+            target.factor,
+            *described(path, system),
+            e.typed_units,
+        )
+        for target, e in zip(targets, flat, strict=True)
+        for path in target.paths
+        if e.values is not None
+    )
+    values, units, title = _coordinate(layout, targets, flat[0])
+    axis = Axis(layout.name, flat[0].size, values, units, title, assignments, flat[0].ends)
+    return axis, _spec(layout, expansions)
+
+
+def _coordinate(layout: UnresolvedAxis, targets: list[Target], first: Expansion) -> tuple[Any, str, str]:
+    if layout.labels is not None:
+        return layout.labels, "1", layout.name
+    values = [str(v) for v in first.values] if isinstance(first.values, list) else first.values
+    units = targets[0].unit if len({t.unit for t in targets}) == 1 else "1"
+    titles = list(dict.fromkeys(t.title for t in targets))
+    return values, units, layout.name if layout.tie and len(titles) > 1 else titles[0]
+
+
+def _spec(layout: UnresolvedAxis, expansions: list[list[Expansion]]) -> Any:
+    if layout.cases is not None:
+        given = {
+            place[-2:]: value
+            for column, found in zip(layout.columns, expansions, strict=True)
+            for i, (place, value) in enumerate(zip(column.places, found[0].spec, strict=True))
+            if place[-2] == i
+        }
+        return [
+            {"label": label} | {key: given[i, key] for key in entry if key != "label"}
+            for i, (label, entry) in enumerate(zip(layout.labels or [], layout.cases, strict=True))
+        ]
+    if layout.tie is not None:
+        specs = [found[0].spec for found in expansions]
+        return {"targets": layout.tie["targets"], "values": specs[0] if len(specs) == 1 else specs}
+    return expansions[0][0].spec

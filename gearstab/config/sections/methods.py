@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +12,11 @@ from gearstab.config.configuration import Config
 from gearstab.config.document.problems import ConfigError
 from gearstab.config.document.tree import Document, mapping, names_set
 from gearstab.config.model.axes import SPEEDS
-from gearstab.config.model.conflicts import validate
+from gearstab.config.model.conflicts import report_errors
 from gearstab.config.model.fields import Section
+from gearstab.config.model.reading import read
 from gearstab.config.system import SystemSections
-from gearstab.methods import METHODS, POINTS, RANGE, Method, OptionError, chosen
+from gearstab.methods import METHODS, POINTS, RANGE, OptionError, chosen
 from gearstab.system import GearSystem
 
 if TYPE_CHECKING:
@@ -47,23 +49,26 @@ def read_methods(document: Document) -> Methods | None:
     if section is None or section == {}:
         document.report(("methods",), "missing", "names no method", f"add one of {', '.join(Methods.model_fields)}")
         return None
-    for name, options in mapping(section).items():
-        if name not in METHODS:
-            continue
-        if options is None:
-            document.put(("methods", name), {}, document.where(("methods", name)))  # `floquet:` asks for it
-        if isinstance(sweep, dict) and not _has_frequency(METHODS[name], options, sweep):
-            remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
-            document.report(("methods", name), "missing", "needs a mesh_frequency axis", remedy, at_key=True)
-    return validate(document, Methods, ("methods",))
+    known = {name: options for name, options in mapping(section).items() if name in METHODS}
+    for name in [name for name, options in known.items() if options is None]:
+        document.put(("methods", name), {}, document.where(("methods", name)))  # `floquet:` asks for it
+    for name in _without_frequency(known, sweep) if isinstance(sweep, dict) else ():
+        remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
+        document.report(("methods", name), "missing", "needs a mesh_frequency axis", remedy, at_key=True)
+    methods, errors = read(Methods, data["methods"])
+    report_errors(document, errors, Methods, ("methods",))
+    return None if errors else methods
 
 
-def _has_frequency(method: type[Method], options: Any, sweep: dict[str, Any]) -> bool:
-    """Whether a method gets the mesh frequencies that it needs. options, sweep: their sections as written."""
-    # The ends of a range are those of an axis; frequencies that come with cases have none.
-    names = set(sweep) if method.frequency == RANGE else set[str]().union(*(names_set(*item) for item in sweep.items()))
-    own = () if method.frequency == RANGE else method.sets(options)
-    return method.frequency is None or not names.union(own).isdisjoint(SPEEDS)
+def _without_frequency(sections: Mapping[str, Any], sweep: dict[str, Any]) -> Iterator[str]:
+    """Yield the methods that need mesh frequencies and get none. sections, sweep: as written."""
+    set_by = {name: set(METHODS[name].sets(options)) for name, options in sections.items()}
+    axes = {target for item in sweep.items() for target in names_set(*item)}
+    for name, own in set_by.items():
+        # The ends of a range are those of an axis; frequencies that come with cases have none.
+        names = set(sweep) if METHODS[name].frequency == RANGE else axes | own
+        if METHODS[name].frequency is not None and names.isdisjoint(SPEEDS):
+            yield name
 
 
 def fit_methods(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any
 
@@ -12,12 +12,18 @@ import numpy as np
 from pydantic import Field, WithJsonSchema
 
 from gearstab.config.document.problems import Path, Problem, dotted, nearest
-from gearstab.config.document.tree import Document, Where, mapping, sequence, value_at
-from gearstab.config.model.axes import MESH_FREQUENCY, Assignment, Axis
+from gearstab.config.document.tree import Document, Where, sequence, value_at
+from gearstab.config.model.axes import MESH_FREQUENCY
 from gearstab.config.model.fields import NUMBER, AnyNumber, Section, optional
 from gearstab.config.model.reading import WRONG, SkipRule, as_far_as_right
-from gearstab.config.sections.expansion import Count, Expansion, Range, Spacing, expand, expand_list
-from gearstab.config.sections.targets import INPUT_SPEED, Target, TargetError, described, resolve
+from gearstab.config.sections.expansion import (
+    Column,
+    Count,
+    Range,
+    Spacing,
+    UnresolvedAxis,
+)
+from gearstab.config.sections.targets import INPUT_SPEED, Target, TargetError, resolve
 from gearstab.methods import METHODS
 from gearstab.systems.base import System
 
@@ -54,47 +60,6 @@ class Tie(Section):
     """linear or log."""
 
 
-@dataclass
-class Column:
-    """Parameters that take the same values along an axis.
-
-    items: values written one by one (cases), with the place of each; without them the values stand at ``path``.
-    base: the value of cases that do not set it, None where all do.
-    """
-
-    path: Path
-    targets: list[Target]
-    items: list[Any] = field(default_factory=list)
-    places: list[Path] = field(default_factory=list)
-    base: Any = None
-
-    def expand(self, document: Document, target: Target) -> Expansion:
-        if self.items:
-            return expand_list(document, self.items, self.places, target, self.path)
-        return expand(document, self.path, target)
-
-
-@dataclass
-class UnresolvedAxis:
-    """An axis before its values are known.
-
-    sound: whether every name in it stands for something. labels, cases and tie: of axes in these forms, as written.
-    expansions: the values of each column for each of its targets.
-    """
-
-    name: str
-    columns: list[Column]
-    sound: bool = True
-    labels: list[str] | None = None
-    tie: dict[str, Any] | None = None
-    cases: list[dict[str, Any]] | None = None
-    expansions: list[list[Expansion]] = field(default_factory=list)
-
-    def expand(self, document: Document) -> None:
-        """Find the values; report problems."""
-        self.expansions = [[column.expand(document, t) for t in column.targets] for column in self.columns]
-
-
 @dataclass(frozen=True)
 class Context:
     """Section that the names in ``sweep`` refer to. system: its section, in which values may be wrong."""
@@ -103,7 +68,7 @@ class Context:
     system: System
 
     def resolve(self, name: str, path: Path) -> list[Target]:
-        """The targets of a name that stands at ``path``; reports a name that has none."""
+        """Return the targets of a name at ``path``; report a name that has none."""
         try:
             return resolve(name, self.system)
         except TargetError as error:
@@ -116,11 +81,10 @@ class Context:
 def layouts(context: Context) -> list[UnresolvedAxis]:
     """Return what each axis sets; report unknown names, and parameters that two axes set."""
     document = context.document
-    section = mapping(document.get(("sweep",)))
-    if not section:
-        given = document.get(("sweep",))
-        shown = None if given in (None, {}, []) else given
+    section = document.get(("sweep",))
+    if not isinstance(section, dict) or not section:
         hint = "add one, such as mesh_frequency: {start: 1, stop: 5, num: 200}"
+        shown = None if section in (None, {}, []) else section
         document.report(("sweep",), "missing", "has no axes", hint, value=shown)
         return []
     found = []
@@ -130,7 +94,7 @@ def layouts(context: Context) -> list[UnresolvedAxis]:
             document.report(path, "empty", "an axis without values", "give a list, or {start: .., stop: .., num: ..}")
         elif isinstance(spec, list) and all(isinstance(entry, dict) for entry in spec):
             found.append(cases(context, name, path, spec))
-        elif not mapping(spec).keys().isdisjoint(("targets", "values")):
+        elif isinstance(spec, dict) and not spec.keys().isdisjoint(("targets", "values")):
             found.append(_tie(context, name, path, spec))
         else:
             found.append(UnresolvedAxis(name, [Column(path, context.resolve(name, path))]))
@@ -239,7 +203,7 @@ def cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]]
 
 
 def _case_columns(context: Context, path: Path, entries: list[dict[str, Any]]) -> tuple[list[Column], bool]:
-    """A column for each parameter that a case sets, under whichever name; and whether every name stands for some."""
+    """A column for each parameter that a case sets, under whichever name; and whether every name has a target."""
     targets: dict[str, list[Target]] = {}
     found: dict[frozenset[Path], tuple[Target, dict[int, str]]] = {}
     for i, entry in enumerate(entries):
@@ -340,60 +304,3 @@ def is_absent(context: Context, path: Path) -> bool:
     """Return whether the section ``system`` as written could hold a number at a path and does not."""
     around = context.document.get(("system", *path[:-1]))
     return path != MESH_FREQUENCY and isinstance(around, dict) and around.get(str(path[-1])) is None
-
-
-def build(context: Context, layout: UnresolvedAxis) -> tuple[Axis, Any] | None:
-    """The axis and its resolved specification; None after reporting problems."""
-    document, expansions = context.document, layout.expansions
-    flat = [e for found in expansions for e in found]
-    if not layout.sound or not flat or any(e.values is None for e in flat):
-        return None
-    sizes = [found[0].size for found in expansions]
-    if len(set(sizes)) > 1:
-        path = ("sweep", layout.name, "values")
-        hint = "give all of them as many"
-        document.report(path, "wrong_count", f"the targets have {', '.join(map(str, sizes))} values", hint)
-        return None
-    targets = [target for column in layout.columns for target in column.targets]
-    assignments = tuple(
-        Assignment(
-            path,
-            e.values if target.factor == 1 else np.asarray(e.values) * target.factor,
-            target.factor,
-            *described(path, context.system),
-            e.typed_units,
-        )
-        for target, e in zip(targets, flat, strict=True)
-        for path in target.paths
-        if e.values is not None
-    )
-    values, units, title = _coordinate(layout, targets, flat[0])
-    axis = Axis(layout.name, flat[0].size, values, units, title, assignments, flat[0].ends)
-    return axis, _spec(layout, expansions)
-
-
-def _coordinate(layout: UnresolvedAxis, targets: list[Target], first: Expansion) -> tuple[Any, str, str]:
-    if layout.labels is not None:
-        return layout.labels, "1", layout.name
-    values = [str(v) for v in first.values] if isinstance(first.values, list) else first.values
-    units = targets[0].unit if len({t.unit for t in targets}) == 1 else "1"
-    titles = list(dict.fromkeys(t.title for t in targets))
-    return values, units, layout.name if layout.tie and len(titles) > 1 else titles[0]
-
-
-def _spec(layout: UnresolvedAxis, expansions: list[list[Expansion]]) -> Any:
-    if layout.cases is not None:
-        given = {
-            place[-2:]: value
-            for column, found in zip(layout.columns, expansions, strict=True)
-            for i, (place, value) in enumerate(zip(column.places, found[0].spec, strict=True))
-            if place[-2] == i
-        }
-        return [
-            {"label": label} | {key: given[i, key] for key in entry if key != "label"}
-            for i, (label, entry) in enumerate(zip(layout.labels or [], layout.cases, strict=True))
-        ]
-    if layout.tie is not None:
-        specs = [found[0].spec for found in expansions]
-        return {"targets": layout.tie["targets"], "values": specs[0] if len(specs) == 1 else specs}
-    return expansions[0][0].spec

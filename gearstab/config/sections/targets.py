@@ -57,9 +57,9 @@ class TargetError(ValueError):
 class Target:
     """A number of the system.
 
-    paths: where it stands below ``system``; two places for an entry of a symmetric matrix, the named one first.
+    paths: its places below ``system``; two places for an entry of a symmetric matrix, the named one first.
     annotation: its type with unit and range; title: what it is; default: its value when not given.
-    factor: of what stands there over the number that is given.
+    factor: of the number there over the number that is given.
     """
 
     paths: tuple[Path, ...]
@@ -103,15 +103,15 @@ class Target:
 
 
 def resolve(name: str, system: System) -> list[Target]:
-    """All numbers that a parameter name stands for, in a section ``system``.
+    """Return all numbers that a parameter name refers to, in a section ``system``.
 
-    Raises TargetError for a name that stands for none.
+    Raises TargetError for a name without a target.
     """
     return [_fitted(target, system) for target in _named(name, system)]
 
 
 def described(path: Path, system: System) -> tuple[str, str, str]:
-    """Name, unit and title of the number at a path; one that says nothing to the kind of system stands for itself."""
+    """Return name, unit and title of the number at a path; a name unknown to the kind of system is its own title."""
     name = _written(path, system)
     try:
         (target,) = resolve(name, system)
@@ -130,7 +130,7 @@ def _written(path: Path, raw: Any) -> str:
 
 
 def _fitted(target: Target, system: System) -> Target:
-    """With the units that the number has in this very system."""
+    """Return a target with the units that its number has in this system."""
     kind = quantity(target.annotation)
     if kind is None:
         return target
@@ -210,9 +210,8 @@ def _walk(name: str, parts: list[str], system: System) -> Target:
 def _check_waveform(key: str, waveform: Any, where: str) -> None:
     """A wave varies with the keys of its own kind only. where: path of the key in the document."""
     if key == "kind":
-        raise TargetError(
-            "is a word, and an axis sets a number", f"run a sweep for each, with --set {where}=..", "not_an_axis"
-        )
+        hint = f"run a sweep for each, with --set {where}=.."
+        raise TargetError("is a word, and an axis sets a number", hint, "not_an_axis")
     wave = wave_of(waveform)
     if wave is not None and key in wave.keys.model_fields:
         return
@@ -258,7 +257,7 @@ def _mirrored(path: Path) -> tuple[Path, ...]:
     row, column = path[-2:] if len(path) > 2 else (0, 0)
     counterpart = (*path[:-2], column, row)
     if path[0] not in ("mass", "stiffness", "damping") or row == column or not isinstance(row, int):
-        return (path,)  # a number of other forms of damping stands below a name
+        return (path,)  # a number of another form of damping is below a name
     return (path, counterpart)
 
 

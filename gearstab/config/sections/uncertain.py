@@ -1,4 +1,4 @@
-"""The uncertain parameters of ``methods.tolerance``: what their names stand for, and how they are distributed."""
+"""The uncertain parameters of ``methods.tolerance``: the targets of their names, and how they are distributed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Uncertain:
     """A parameter that is not known exactly.
 
     name: as in the configuration. paths: the numbers below ``system`` that it sets, or that of the mesh frequency, each
-    with the factor of what stands there over the parameter. distribution: of the parameter, or with ``deviation`` of
+    with the factor of the number there over the parameter. distribution: of the parameter, or with ``deviation`` of
     what is added to its value. low, high: between which it can be.
     """
 
@@ -42,20 +42,20 @@ class Uncertain:
     high: float
 
     def values(self, u: Array, present: Any, factor: float) -> Array:
-        """Return values for u, uniform in (0, 1), beside the ``present`` ones, of a number with this factor."""
+        """Return values for u, uniform in (0, 1), given the ``present`` ones, of a number with this factor."""
         if not self.deviation:
             return factor * self.distribution.quantile(u, np.asarray(self.low), np.asarray(self.high))
         value = np.asarray(present, dtype=float) / factor
         return np.asarray(factor * (value + self.distribution.quantile(u, self.low - value, self.high - value)))
 
     def below(self, x: Array, present: Any, factor: float) -> Array:
-        """Return the probability of less than ``x``, of a number with this factor, beside the ``present`` values."""
+        """Return the probability of less than ``x``, of a number with this factor, given the ``present`` values."""
         value = np.asarray(present, dtype=float) / factor if self.deviation else np.zeros(())
         first, last = (self.distribution.below(end - value) for end in (self.low, self.high))
         return np.clip((self.distribution.below(x / factor - value) - first) / (last - first), 0.0, 1.0)
 
     def outside(self, present: Any) -> float:
-        """Return the greatest probability of what it cannot be, beside any of the ``present`` values."""
+        """Return the greatest probability of what it cannot be, given any of the ``present`` values."""
         value = np.asarray(present if self.deviation else 0.0, dtype=float)
         return float(np.max(self.distribution.outside(self.low - value, self.high - value)))
 
@@ -71,7 +71,7 @@ class Uncertainties:
     def sampled(self, system: System, points: Array) -> System:
         """Return the section ``system`` with the numbers that are uncertain replaced by arrays ``(N,)``.
 
-        points: ``(N, d)`` in the unit cube. What they are replaced by may depend on arrays that stand there already.
+        points: ``(N, d)`` in the unit cube. What they are replaced by may depend on arrays that are there already.
         """
         for own, u in zip(self.parameters, points.T, strict=True):
             for path, factor in own.paths:
@@ -111,7 +111,7 @@ def _present(system: System, path: Path) -> Any:
 
 
 def resolve(context: Context, section: Any) -> dict[str, list[Target]]:
-    """Return what each uncertain parameter of a section as written stands for; report names that stand for none."""
+    """Return the targets of each uncertain parameter of a section as written; report names that have none."""
     names = mapping(mapping(section).get("parameters"))
     return {name: context.resolve(name, (*SECTION, "parameters", name)) for name in names}
 

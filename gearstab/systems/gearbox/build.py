@@ -41,7 +41,8 @@ def build(p: Any) -> GearSystem:
     train = Train(p)
     rows = [_rows(train, item) for item in train.sets]
     pairs = [mesh_element(train, k) for k in range(len(train.pairs))]
-    elements = [*_bodies(train), *shaft_elements(train), *_supports(train), *dampers(train)]
+    elements = [Element(train.rotation(k), mass=inertia) for k, inertia in enumerate(train.inertias)]
+    elements += [*shaft_elements(train), *_supports(train), *dampers(train)]
     elements += [element for row in rows for element in row.planets_of(train.damping_factor)]
     symmetries = [row.cyclic() for row in rows if _cyclic(train, row)]
     meshes = [mesh for row in rows for mesh in _set_meshes(train, row)] + pairs
@@ -257,11 +258,6 @@ def shaft_elements(train: Train) -> Iterator[Element]:
         k = shaft_stiffness(train, shaft)
         c = 2 * number(shaft.damping_ratio) * np.sqrt(k * j1 * j2 / (j1 + j2))
         yield Element({first: 1.0, second: -1.0}, 0.0, k, train.damping_factor * c, shaft.name, MachineElement.SHAFT)
-
-
-def _bodies(train: Train) -> Iterator[Element]:
-    for k, inertia in enumerate(train.inertias):
-        yield Element(train.rotation(k), mass=inertia)
 
 
 def _supports(train: Train) -> Iterator[Element]:

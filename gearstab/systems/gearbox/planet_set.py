@@ -21,14 +21,13 @@ from gearstab.rotation import Rotation
 from gearstab.system import Array, Cyclic
 from gearstab.systems.assembly import Coordinates, Element, Row, total
 from gearstab.systems.gearbox.bodies import base_radius, number, other
-from gearstab.systems.gearbox.set_sections import Planets, SetFault, SetPhases
+from gearstab.systems.gearbox.set_sections import MEMBERS, Planets, SetFault, SetPhases
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import MeshMotion, TrainError, Where
 from gearstab.systems.planetary.angles import ASSEMBLE, FIT, angles_of, assembly
 from gearstab.systems.planetary.rows import SetRows, turn_matrix
 from gearstab.systems.planetary.teeth import SetTeeth
 
-MEMBERS = ("sun", "ring", "carrier")
 OF_PLANETS = ("module", "pressure_angle", "helix_angle", "face_width", "addendum", "dedendum")
 """Fields that planets share with the sun by default."""
 TYPES = ("rotational", "translational", "planet")

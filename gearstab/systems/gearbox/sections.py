@@ -220,7 +220,7 @@ class Gearbox(System):
                 yield (*place, "relief"), "needs_other", message, "add a torque to input, and outputs, or remove relief"
 
     def _speed_of_laws(self) -> Iterator[Conflict]:
-        """Laws of one form, beside no constant torque, with a speed at which they are taken."""
+        """Yield laws of several forms, beside a constant torque, or without a speed at which they are taken."""
         for place, law in self._laws():
             for path, code, message, hint in known(law.conflicts()):
                 yield (*place, *path), code, message, hint

@@ -213,15 +213,7 @@ def complete_angles(document: Document, raw: dict[str, Any]) -> None:
     teeth = {str(item.get("name")): item.get("teeth") for item in map(mapping, sequence(raw.get("rotors")))}
     for k, item in enumerate(map(mapping, sequence(raw.get("planetary_sets")))):
         planets = mapping(item.get("planets"))
-        if planets.get("angles") != ASSEMBLE:
-            continue
         place = ("system", "planetary_sets", k, "planets", "angles")
-        numbers: list[Any] = [planets.get("count"), *(teeth.get(str(item.get(gear))) for gear in ("sun", "ring"))]
-        if not all(type(number) is int and number > 0 for number in numbers):
-            hint = "give count, and rotors for sun and ring their teeth"
-            document.report(place, "needs_other", "needs the numbers of teeth", hint)
-            del planets["angles"]
-        elif sum(numbers[1:]) % numbers[0]:
-            document.put(place, angles.nearest(numbers[1], numbers[2], numbers[0]), document.where(place))
-        else:
-            del planets["angles"]  # equal ones, which leave the set its symmetry
+        sun, ring = (teeth.get(str(item.get(gear))) for gear in ("sun", "ring"))
+        hint = "give count, and rotors for sun and ring their teeth"
+        angles.assemble(document, place, planets, (sun, ring, planets.get("count")), hint)

@@ -24,11 +24,11 @@ from gearstab.mesh import Mesh
 from gearstab.systems.parts.forcing import GearError
 from gearstab.waveforms import Tooth
 from gearstab.waveforms.base import Array, Waveform, stiff_fraction, wrapped
-from gearstab.waveforms.tooth import ROUNDING, Piecewise, averaged, stacked
+from gearstab.waveforms.tooth import ROUNDING, Piecewise, angles_of, averaged, interpolated, stacked
 from gearstab.waveforms.tooth_pair import ToothPair
 
 DEGREES = (8, 16, 32, 64)
-"""Degrees of the polynomials that stand for a smooth stiffness, until the last coefficients do not count."""
+"""Degrees of the polynomials that approximate a smooth stiffness; tried in turn until the last coefficients vanish."""
 RESOLVED = 1e-12
 
 OnePair = Callable[[Array, Array], Array]
@@ -130,16 +130,11 @@ def _edges(wave: Waveform, c: Array) -> Array:
 
 def _polynomials(edges: Array, ends: Array, degree: int, one_pair: OnePair) -> Array:
     """``(..., B, degree + 1)``, Chebyshev coefficients of the stiffness of the pair on each piece."""
-    angles = np.pi * (np.arange(degree, -1, -1) + 0.5) / (degree + 1)
     middle, half = (edges + ends) / 2, (ends - edges) / 2
-    x = middle[..., None] + half[..., None] * np.cos(angles)
+    x = middle[..., None] + half[..., None] * np.cos(angles_of(degree))
     at = np.moveaxis(x, (-2, -1), (0, 1))
     cycle = np.moveaxis(np.broadcast_to(np.floor(middle)[..., None], x.shape), (-2, -1), (0, 1))
-    values = np.moveaxis(one_pair(at, cycle), (0, 1), (-2, -1))
-    basis = np.cos(np.outer(angles, np.arange(degree + 1)))
-    scale = np.where(np.arange(degree + 1) == 0, 1.0, 2.0) / (degree + 1)
-    found: Array = values @ basis * scale
-    return found
+    return interpolated(np.moveaxis(one_pair(at, cycle), (0, 1), (-2, -1)))
 
 
 KINDS_OF_FAULT = ("crack", "pit")

@@ -193,7 +193,7 @@ class MatrixMesh(NamedToothMesh):
 
 
 def may_have(name: str, short: ShortName, place: str | int, mesh: ToothMesh) -> bool:
-    """Return whether a mesh, which stands at an index or key, may have the number of a short name."""
+    """Return whether a mesh, at an index or key, may have the number of a short name."""
     if place == 0 and short.but_first:
         return False
     return getattr(mesh, short.rival, None) is None and not (name == "contact_ratio" and has_no_ratio(mesh))

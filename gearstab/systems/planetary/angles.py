@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document, mapping
 from gearstab.config.model.axes import Grid
 from gearstab.config.model.conflicts import Conflict, plain_number
@@ -51,27 +52,31 @@ def complete(document: Document, raw: dict[str, Any]) -> None:
 
     z_r = z_s + 2 z_p, as the planets' centres are at one distance from the axis.
     """
-    teeth: Any = raw.get("teeth")
-    place = document.where(("system", "teeth"))
-    if _counts(teeth, "sun", "planet"):
-        document.fill(("system", "teeth", "ring"), teeth["sun"] + 2 * teeth["planet"], place)
-    if raw.get("angles") != ASSEMBLE:
+    teeth: Any = mapping(raw.get("teeth"))
+    if _counts(teeth.get("sun"), teeth.get("planet")):
+        ring = teeth["sun"] + 2 * teeth["planet"]
+        document.fill(("system", "teeth", "ring"), ring, document.where(("system", "teeth")))
+    hint = "add teeth: {sun: .., planet: ..}, or give the angles"
+    numbers = teeth.get("sun"), teeth.get("ring"), raw.get("planets")
+    assemble(document, ("system", "angles"), raw, numbers, hint)
+
+
+def assemble(document: Document, path: Path, section: dict[str, Any], numbers: tuple[Any, Any, Any], hint: str) -> None:
+    """Write out the angles of a section that are to be assembled, at a path. numbers: z_s, z_r and N, as written."""
+    if section.get("angles") != ASSEMBLE:
         return
-    if not _counts(teeth, "sun", "ring") or not _counts(raw, "planets"):
-        hint = "add teeth: {sun: .., planet: ..}, or give the angles"
-        document.report(("system", "angles"), "needs_other", "needs the numbers of teeth", hint)
-        del raw["angles"]
-        return
-    numbers = teeth["sun"], teeth["ring"], raw["planets"]
-    if sum(numbers[:2]) % numbers[2]:
-        document.put(("system", "angles"), nearest(*numbers), document.where(("system", "angles")))
+    if not _counts(*numbers):
+        document.report(path, "needs_other", "needs the numbers of teeth", hint)
+        del section["angles"]
+    elif (numbers[0] + numbers[1]) % numbers[2]:
+        document.put(path, nearest(*numbers), document.where(path))
     else:
-        del raw["angles"]  # equal ones, which leave the gear its symmetry
+        del section["angles"]  # equal ones, which leave the gear its symmetry
 
 
-def _counts(section: Any, *keys: str) -> bool:
-    """Whether the keys of a section as written have positive whole numbers."""
-    return all(type(number) is int and number > 0 for number in map(mapping(section).get, keys))
+def _counts(*numbers: Any) -> bool:
+    """Whether values as written are positive whole numbers."""
+    return all(type(number) is int and number > 0 for number in numbers)
 
 
 MOST_PLANETS = 30
