@@ -13,8 +13,7 @@ from pydantic import BeforeValidator, Field
 from gearstab.config.model.fields import Choice, Flag, Quantity, Section, Whole, wrong
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
-from gearstab.methods.certificates import check_certificate
-from gearstab.methods.restriction import ModesOption, Restricted
+from gearstab.methods.restriction import ModesOption, Restricted, check_certificate
 from gearstab.results.variables import (
     BY_MESH,
     CERTIFIED,

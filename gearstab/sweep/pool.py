@@ -62,11 +62,7 @@ Executor = Callable[[Plan, Sequence[GridBlock], Store, Reporter], Generator[Resu
 
 
 def run_blocks(
-    plan: Plan,
-    blocks: Sequence[GridBlock],
-    store: Store,
-    reporter: Reporter,
-    jobs: int,
+    plan: Plan, blocks: Sequence[GridBlock], store: Store, reporter: Reporter, jobs: int
 ) -> Generator[Result, None, None]:
     """Compute blocks of one method, in any order, with ``jobs`` threads or processes of this machine.
 

@@ -170,7 +170,7 @@ def _backlash_result(config: Config, wanted: Respond, system: GearSystem, found:
         "comment": "response with loss of contact; growth_rate, largest_multiplier: of the linear system with teeth "
         f"in contact; settled: from settled_from to settled_until{in_brackets(system, 's')}; period: number of "
         "common periods after which the motion repeats itself, 0 if it does not, by section_difference, relative to "
-        "the extent of the motion",
+        "the extent of the motion"
     }
     if found.cycle is not None:
         cycle = found.cycle
