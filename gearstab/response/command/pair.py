@@ -10,12 +10,11 @@ import numpy as np
 
 from gearstab.config import ConfigError
 from gearstab.errors import NotPossible
+from gearstab.response.command import tree
 from gearstab.response.rotating_pair import STATUS, InitialState, PairResponse, held, respond
 from gearstab.response.spectra import SHORTEST, spectrum
 from gearstab.results import Group, ResultTree, fields_of
 from gearstab.results.display import with_orders
-from gearstab.results.guard import RESPOND
-from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.units import in_brackets, unit_of
 from gearstab.results.variables import flagged
 from gearstab.results.variables.responses import PAIR_RESPONSE
@@ -42,8 +41,7 @@ def response(config: Config, wanted: PairRespond) -> tuple[PairResponse, ResultT
     duration = inf if wanted.duration is None else wanted.duration
     found = respond(pair, start, step, duration, wanted.cycles, MOST_SAMPLES, drive)
     group = _group(wanted, pair, found, step, {"holding_torque": drive} if wanted.hold_speed else {})
-    root = Group((), root_attributes(RESPOND, config))
-    return found, ResultTree(root, {"modes": modes_group(pair), "response": group})
+    return found, tree.result(config, pair, group)
 
 
 def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[InitialState, float]:
@@ -113,7 +111,6 @@ def _spectrum(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step
 
 
 def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) -> dict[str, Any]:
-
     numbers = pair.numbers
     speed, angle, time = (in_brackets(pair, unit) for unit in ("rad/s", "rad", "s"))
     overdamped = "; from the damping ratio 1 on there is no w_d, and normalised frequencies are NaN"

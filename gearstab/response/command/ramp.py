@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.modal import static_mesh_force
 from gearstab.propagation.path import Path
 from gearstab.response import RESPONSE_FLAGS, RampResponse, ramp_response
-from gearstab.response.command import loads
+from gearstab.response.command import tree
 from gearstab.response.spectra import HARMONICS, waterfall
 from gearstab.results import Group, ResultTree, Variable, coordinate, fields_of
 from gearstab.results.display import CYCLES, FACTOR, FREQUENCY, typed
-from gearstab.results.guard import RESPOND
-from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.units import in_brackets, in_units_of, unit_of
 from gearstab.results.variables import SPEED, flagged
 from gearstab.results.variables.responses import MESH_ORDER, ORDERS, RAMP_RESPONSE
@@ -43,24 +40,15 @@ def samples(wanted: Respond, system: GearSystem) -> float:
 
 def response(config: Config, wanted: Respond, system: GearSystem) -> tuple[RampResponse, ResultTree]:
     """Compute the response, and the result to be written. Raises NotPossible."""
-    start = None
-    if wanted.initial is not None:
-        start = np.array(wanted.initial.displacement), np.array(wanted.initial.velocity)
-    found = ramp_response(system, path_of(wanted), wanted.samples_per_cycle, start)
+    found = ramp_response(system, path_of(wanted), wanted.samples_per_cycle, tree.initial(wanted))
     values: dict[str, Any] = {
         name: getattr(found, name)
         for name in ("time", "displacement", "velocity", "mesh_deflection", "mesh_force")
     } | {
-        "momentary_mesh_frequency": found.mesh_frequency,
-        "dof": list(system.coordinates),
-        "dof_units": list(system.coordinate_units),
-        "mesh": [mesh.name for mesh in system.whole_meshes],
-        "status": found.flags,
+        "momentary_mesh_frequency": found.mesh_frequency, **tree.common(system, found),
     }  # fmt: skip
-    if system.load is not None:
-        values["static_mesh_force"] = static_mesh_force(system)
     said: dict[str, Any] = {"comment": "run-up or coast-down, without the rigid-body motion and what accelerates it"}
-    forces = loads.values(system, values)
+    forces = tree.values(system, values)
     values |= forces
     sounds = waterfall(system, found)
     if sounds is not None:
@@ -74,17 +62,17 @@ def response(config: Config, wanted: Respond, system: GearSystem) -> tuple[RampR
             "harmonic": np.arange(1, HARMONICS + 1),
             "mesh_force_spectrogram": sounds.spectrum,
             "mesh_force_harmonic": sounds.harmonics,
-            **loads.harmonics(system, found, forces),
+            **tree.harmonics(system, found, forces),
         }
     cycles = config.system.cycles_of_input()
     if cycles is not None:
         said[CYCLES] = cycles
-    table = (*in_units_of(system, flagged(RAMP_RESPONSE, RESPONSE_FLAGS)), *loads.table(system, ramp=True))
+    table = (*in_units_of(system, flagged(RAMP_RESPONSE, RESPONSE_FLAGS)), *tree.table(system, ramp=True))
     table = (ORDERS, *table) if MESH_ORDER in values else table
-    table = (_speed(wanted.axis, system), *(_over(variable, wanted.axis) for variable in table))
-    fields = fields_of(table, values)
-    root = Group((), root_attributes(RESPOND, config))
-    return found, ResultTree(root, {"modes": modes_group(system), "response": Group(fields, said)})
+    key = wanted.axis.key
+    table = tuple(replace(v, dims=tuple(key if dim == SPEED else dim for dim in v.dims)) for v in table)
+    table = (_speed(wanted.axis, system), *table)
+    return found, tree.result(config, system, Group(fields_of(table, values), said))
 
 
 def _speed(axis: SpeedAxis, system: GearSystem) -> Variable:
@@ -93,8 +81,3 @@ def _speed(axis: SpeedAxis, system: GearSystem) -> Variable:
     said = typed(axis.typed_units, unit) | ({} if axis.key == FREQUENCY else {FACTOR: axis.factor})
     own = coordinate(axis.key, axis.key, "f8", unit, axis.key.replace("_", " "))
     return replace(own, attributes=said)
-
-
-def _over(variable: Variable, axis: SpeedAxis) -> Variable:
-    """A variable of which one dimension is the speed."""
-    return replace(variable, dims=tuple(axis.key if dim == SPEED else dim for dim in variable.dims))

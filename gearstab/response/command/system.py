@@ -11,14 +11,12 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.config.document.codes import Code
 from gearstab.errors import NotPossible
-from gearstab.modal import static_equilibrium, static_mesh_force
+from gearstab.modal import static_equilibrium
 from gearstab.response import RESPONSE_FLAGS, backlash, driven_response, free_response, harmonics, steady_state
-from gearstab.response.command import effort, loads, ramp
+from gearstab.response.command import effort, ramp, tree
 from gearstab.response.spectra import Spectra, amplitudes, densities
 from gearstab.results import Group, ResultTree, Variable, fields_of
 from gearstab.results.display import with_orders
-from gearstab.results.guard import RESPOND
-from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.units import in_brackets, in_units_of
 from gearstab.results.variables import flagged
 from gearstab.results.variables.responses import BACKLASH_RESPONSE, RESPONSE, TOOTH_LOADS
@@ -72,7 +70,7 @@ def _effort(config: Config, wanted: Respond, system: GearSystem) -> str | None:
     order = teeth = 0
     if wanted.steady_state:
         order = _order(round(duration / _period(wanted, system) * wanted.samples_per_cycle))
-        teeth = 0 if system.load is None else len(loads.teeth(config))
+        teeth = 0 if system.load is None else len(tree.teeth(config))
     return effort.linear_motion(system, wanted.mesh_frequency, duration, wanted.samples_per_cycle, order, teeth)
 
 
@@ -83,25 +81,17 @@ def _order(samples: int) -> int:
 
 def _history(wanted: Respond, system: GearSystem) -> Response:
     follow = driven_response if system.forced else free_response
-    given = _initial(wanted)
+    given = tree.initial(wanted)
     displacement, velocity = (static_equilibrium(system), np.zeros(system.size)) if given is None else given
     duration, samples = _duration(wanted, system), wanted.samples_per_cycle
     return follow(system, wanted.mesh_frequency, displacement, velocity, duration, samples)
 
 
 def _parting(wanted: Respond, system: GearSystem) -> BacklashResponse:
-    discard = None
-    if wanted.discard is not None:
-        discard = wanted.discard * _period(wanted, system)
-    return backlash.backlash_response(
-        system, wanted.mesh_frequency, _duration(wanted, system), _initial(wanted), wanted.samples_per_cycle, discard
-    )
-
-
-def _initial(wanted: Respond) -> tuple[np.ndarray, np.ndarray] | None:
-    if wanted.initial is None:
-        return None
-    return np.array(wanted.initial.displacement), np.array(wanted.initial.velocity)
+    discard = None if wanted.discard is None else wanted.discard * _period(wanted, system)
+    duration, start = _duration(wanted, system), tree.initial(wanted)
+    samples = wanted.samples_per_cycle
+    return backlash.backlash_response(system, wanted.mesh_frequency, duration, start, samples, discard)
 
 
 def _period(wanted: Respond, system: GearSystem) -> float:
@@ -144,7 +134,7 @@ def _linear_result(config: Config, wanted: Respond, system: GearSystem, found: R
     values = {name: getattr(found, name)[:kept] for name in HISTORIES}
     if found.drift is not None:
         values["mean_velocity"] = found.drift
-    teeth = loads.tooth_values(config, wanted, system, found)
+    teeth = tree.tooth_values(config, wanted, system, found)
     table = flagged((*RESPONSE, *(TOOTH_LOADS if teeth else ())), RESPONSE_FLAGS)
     kind = "periodic steady state" if wanted.steady_state else "driven response" if system.forced else "free response"
     comment = (
@@ -187,24 +177,15 @@ def _tree(
     values: Mapping[str, Any], attributes: Mapping[str, Any],
 ) -> ResultTree:  # fmt: skip
     """The response as a result: its root, ``/modes`` and ``/response``."""
-    common: dict[str, Any] = {
-        "dof": list(system.coordinates),
-        "dof_units": list(system.coordinate_units),
-        "mesh": [mesh.name for mesh in system.whole_meshes],
-        "status": found.flags,
-    }
-    if system.load is not None:
-        common["static_mesh_force"] = static_mesh_force(system)
     said = ("status", "mesh_frequency", "common_period", "growth_rate", "largest_multiplier")
     cycles = config.system.cycles_of_input()
     table = with_orders(
-        (*in_units_of(system, table), *loads.table(system)), None if cycles is None else found.mesh_frequency / cycles
+        (*in_units_of(system, table), *tree.table(system)), None if cycles is None else found.mesh_frequency / cycles
     )
-    fields = fields_of(table, {**common, **loads.values(system, values), **values, **_spectral(wanted, system, found)})
-    shafts = weak_shafts(system)
-    group = Group(fields, {**{name: getattr(found, name) for name in said}, **attributes, **shafts})
-    root = Group((), root_attributes(RESPOND, config))
-    return ResultTree(root, {"modes": modes_group(system), "response": group})
+    common, forces = tree.common(system, found), tree.values(system, values)
+    fields = fields_of(table, {**common, **forces, **values, **_spectral(wanted, system, found)})
+    known = {name: getattr(found, name) for name in said}
+    return tree.result(config, system, Group(fields, {**known, **attributes, **weak_shafts(system)}))
 
 
 def _spectral(wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:

@@ -72,7 +72,7 @@ class Summary:
 def result_tree(store: Store, said: Mapping[str, str]) -> ResultTree:
     """The whole result of a plan of which all is finished; ``said``: what its root says besides."""
     plan = store.plan
-    axes = {axis.name: _fields(axis, plan.config) for axis in plan.config.axes}
+    axes = {axis.name: [with_range(field, plan.config) for field in axis_fields(axis)] for axis in plan.config.axes}
     # Motions along branches have a mesh frequency each, and groups inherit no axis of that name.
     varies = any(v.name == FREQUENCY for layout in plan.layouts for v in layout.method.variables())
     named = {FREQUENCY} & {*axes} if varies else set()
@@ -107,11 +107,6 @@ def axis_fields(axis: Axis) -> list[Field]:
             kind = TEXT if item.structural else "f8"
             fields.append(Field(coordinate(item.name, axis.name, kind, item.units, item.title), values))
     return fields
-
-
-def _fields(axis: Axis, config: Config) -> list[Field]:
-    """The coordinates of an axis, with the ranges of operation."""
-    return [with_range(field, config) for field in axis_fields(axis)]
 
 
 def _aside(field: Field) -> Field:

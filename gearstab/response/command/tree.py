@@ -1,4 +1,4 @@
-"""Forces of bearings, torques of shafts and loads of teeth over time, and of run-ups over the speed."""
+"""What results of responses have in common: root and modes, coordinates, forces of bearings and shafts, tooth loads."""
 
 from __future__ import annotations
 
@@ -12,14 +12,39 @@ from gearstab.modal import static_mesh_force
 from gearstab.response import RampResponse, Response
 from gearstab.response.loads import MOST_POINTS, LoadedTeeth, orders, phases, positions, tooth_loads
 from gearstab.response.spectra import Windows
-from gearstab.results import Variable
+from gearstab.results import Group, ResultTree, Variable
+from gearstab.results.guard import RESPOND
+from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.units import unit_of
 from gearstab.results.variables.responses import MESH_ORDER, history_of_connections, load_of, run_up_of_connections
-from gearstab.system import GearSystem
+from gearstab.rotating_pair import RotatingPair
+from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.systems.parts.respond import Respond
+
+
+def result(config: Config, system: GearSystem | RotatingPair, group: Group) -> ResultTree:
+    """Return the result of a response: its root, ``/modes`` and the group ``/response``."""
+    root = Group((), root_attributes(RESPOND, config))
+    return ResultTree(root, {"modes": modes_group(system), "response": group})
+
+
+def initial(wanted: Respond) -> tuple[Array, Array] | None:
+    """Return the displacement and the velocity that a motion begins with; None where they are not given."""
+    if wanted.initial is None:
+        return None
+    return np.array(wanted.initial.displacement), np.array(wanted.initial.velocity)
+
+
+def common(system: GearSystem, found: Response | RampResponse) -> dict[str, Any]:
+    """Return names of coordinates and meshes, flags and static mesh forces of a response."""
+    static = {} if system.load is None else {"static_mesh_force": static_mesh_force(system)}
+    return {
+        "dof": list(system.coordinates), "dof_units": list(system.coordinate_units),
+        "mesh": [mesh.name for mesh in system.whole_meshes], "status": found.flags,
+    } | static  # fmt: skip
 
 
 def table(system: GearSystem, ramp: bool = False) -> list[Variable]:
