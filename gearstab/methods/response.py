@@ -8,8 +8,8 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Quantity, Section, Whole
-from gearstab.connections import Connection, by_part
 from gearstab.errors import NotPossible
+from gearstab.mesh import Connection, by_part
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
 from gearstab.results.variables import Variable, flagged
 from gearstab.results.variables.responses import (

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.connections import Connection, MachineElement
-from gearstab.mesh import Mesh
+from gearstab.mesh import Connection, MachineElement, Mesh
 from gearstab.system import Array, GearSystem
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import with_forcing

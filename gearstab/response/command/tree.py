@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.connections import by_part
+from gearstab.mesh import by_part
 from gearstab.modal import static_mesh_force
 from gearstab.response import RampResponse, Response
 from gearstab.response.loads import MOST_POINTS, LoadedTeeth, orders, phases, positions, tooth_loads
