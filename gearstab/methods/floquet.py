@@ -223,12 +223,12 @@ class Floquet(Restricted):
         from gearstab.floquet.dispatch import reduction
 
         found = reduction(self.part)
-        said: dict[str, Any] = {"reduction": found.text()}
+        attributes: dict[str, Any] = {"reduction": found.text()}
         if self.strategy.several:
-            said["frequencies_chosen"] = self.strategy.reason
+            attributes["frequencies_chosen"] = self.strategy.reason
         if np.isfinite(found.saving) and found.saving > 1:
-            said["reduction_saving"] = found.saving
-        return said | self.restriction()
+            attributes["reduction_saving"] = found.saving
+        return attributes | self.restriction()
 
     def check_options(self) -> None:
         options = self.options

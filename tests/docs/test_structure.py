@@ -155,7 +155,7 @@ def lines_of_code(text: str) -> int:
 
 BUDGETS: dict[str, dict[str, tuple[int, int]]] = {
     "gearstab": {
-        ".": (17, 1070),
+        ".": (16, 1070),
         "api": (6, 230),
         "bench": (8, 670),
         "certificates": (15, 950),

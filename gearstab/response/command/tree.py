@@ -31,11 +31,11 @@ def result(config: Config, system: GearSystem | RotatingPair, group: Group) -> R
     return ResultTree(root, {"modes": modes_group(system), "response": group})
 
 
-def initial(wanted: Respond) -> tuple[Array, Array] | None:
+def initial(section: Respond) -> tuple[Array, Array] | None:
     """Return the displacement and the velocity that a motion begins with; None where they are not given."""
-    if wanted.initial is None:
+    if section.initial is None:
         return None
-    return np.array(wanted.initial.displacement), np.array(wanted.initial.velocity)
+    return np.array(section.initial.displacement), np.array(section.initial.velocity)
 
 
 def common(system: GearSystem, found: Response | RampResponse) -> dict[str, Any]:
@@ -77,13 +77,13 @@ def harmonics(system: GearSystem, found: RampResponse, forces: Mapping[str, Any]
     return {MESH_ORDER: known, **own}
 
 
-def tooth_values(config: Config, wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
+def tooth_values(config: Config, section: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
     """The variables of TOOTH_LOADS, none where no teeth are known, nothing is loaded or a history begins anywhere."""
     known = teeth(config)
-    if not known or system.load is None or not wanted.steady_state or found.status == "failed":
+    if not known or system.load is None or not section.steady_state or found.status == "failed":
         return {}
     static = static_mesh_force(system)
-    points = min(MOST_POINTS, wanted.samples_per_cycle)
+    points = min(MOST_POINTS, section.samples_per_cycle)
     loads = [
         tooth_loads(
             item, phases(system, k, found.time, found.mesh_frequency), found.mesh_force[:, k], float(static[k]), points

@@ -69,8 +69,8 @@ class Summary:
     certified: float | None = None
 
 
-def result_tree(store: Store, said: Mapping[str, str]) -> ResultTree:
-    """The whole result of a plan of which all is finished; ``said``: what its root says besides."""
+def result_tree(store: Store, attributes: Mapping[str, str]) -> ResultTree:
+    """The whole result of a plan of which all is finished; ``attributes``: further ones of its root."""
     plan = store.plan
     axes = {axis.name: [with_range(field, plan.config) for field in axis_fields(axis)] for axis in plan.config.axes}
     # Motions along branches have a mesh frequency each, and groups inherit no axis of that name.
@@ -80,7 +80,7 @@ def result_tree(store: Store, said: Mapping[str, str]) -> ResultTree:
     inherited = [
         _aside(field) if field.variable.name in named else field for fields in axes.values() for field in fields
     ]
-    root = Group(tuple(inherited), root_attributes(SWEEP, plan.config) | dict(said))
+    root = Group(tuple(inherited), root_attributes(SWEEP, plan.config) | dict(attributes))
     groups = {"modes": modes_group(plan.base, plan.mesh_frequencies)}
     for layout in plan.layouts:
         beside = [field for name in axes if name in layout.dims for field in own[name]]
@@ -188,10 +188,10 @@ def write(store: Store, out: Path, look: Look) -> None:
 
     look: raises where ``out`` must not be replaced any more. Raises OSError, whatever else is in the way.
     """
-    said = origin(store.plan.config, out)
+    attributes = origin(store.plan.config, out)
     if store.plan.taken is not None:
-        said["extended_from"] = str(store.plan.taken.path)
-    write_result(out, result_tree(store, said), look)
+        attributes["extended_from"] = str(store.plan.taken.path)
+    write_result(out, result_tree(store, attributes), look)
 
 
 def summary_of(store: Store, reused: int) -> Summary:
