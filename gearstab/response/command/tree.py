@@ -1,4 +1,4 @@
-"""What results of responses have in common: root and modes, coordinates, forces of bearings and shafts, tooth loads."""
+"""Parts that all results of responses share: root and modes, coordinates, forces of connections, loads of teeth."""
 
 from __future__ import annotations
 
