@@ -1,11 +1,14 @@
-"""Periodic parts of a system: tooth meshes, further terms of K(t) and C(t), and forces.
+"""Parts of a system: tooth meshes, further terms of K(t) and C(t), forces, and connections.
 
-They are the parts of :class:`gearstab.system.GearSystem`, whose equation says what each does.
+The equation of :class:`gearstab.system.GearSystem` says what each does. Connections, bearings and shafts whose forces
+are wanted, are in K0 and C already and only named here; stability does not depend on them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from fractions import Fraction
 
 import numpy as np
@@ -163,3 +166,54 @@ class PeriodicForce:
     def batch(self) -> tuple[int, ...]:
         """The common leading shape of all arrays."""
         return np.broadcast_shapes(np.shape(self.direction)[:-1], np.shape(self.lag), self.profile.batch)
+
+
+class MachineElement(Enum):
+    """The machine element that a connection stands for; its value is what results call it."""
+
+    BEARING = "bearing"
+    SHAFT = "shaft"
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A spring and a damper side by side, between bodies or to the housing: F = k r q + c r q'.
+
+    Modal and Rayleigh damping and damping matrices have no place and are no part of F.
+
+    Parameters
+    ----------
+    name: what results call it.
+    part: what it is.
+    row: ``(..., n)``, r; the deflection is r q.
+    stiffness, damping: ``(...)``, k and c.
+    unit: SI unit of F: ``N``, or ``N m`` of a twist.
+    """
+
+    name: str
+    part: MachineElement
+    row: Array
+    stiffness: Array
+    damping: Array
+    unit: str = "N"
+
+    def mapped(self, vector: Callable[[Array], Array]) -> Connection:
+        """Return the connection with its row mapped."""
+        return replace(self, row=vector(self.row))
+
+    def scaled(self, mass: Array, stiffness: Array) -> Connection:
+        """Return the connection in units of a mass and a stiffness."""
+        drag = np.sqrt(mass * stiffness)
+        return replace(self, stiffness=self.stiffness / stiffness, damping=self.damping / drag)
+
+    def force(self, displacement: Array, velocity: Array) -> Array:
+        """F ``(...)`` of a single system, from q and q' ``(..., n)``."""
+        return np.asarray(self.stiffness * (displacement @ self.row) + self.damping * (velocity @ self.row))
+
+
+def by_part(connections: Sequence[Connection]) -> dict[str, list[Connection]]:
+    """Return the connections by what they are, in their order."""
+    found: dict[str, list[Connection]] = {}
+    for item in connections:
+        found.setdefault(item.part.value, []).append(item)
+    return found

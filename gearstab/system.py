@@ -25,9 +25,8 @@ from math import gcd, lcm, prod
 
 import numpy as np
 
-from gearstab.connections import Connection
 from gearstab.errors import NotPossible
-from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm
+from gearstab.mesh import Connection, Mesh, PeriodicForce, PeriodicTerm
 from gearstab.rotation import Rotation
 
 Array = np.ndarray

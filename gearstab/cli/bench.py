@@ -48,14 +48,14 @@ def command(
     system = loaded.system.build()
     scene = _scene(loaded, system)
     if system.rotations:
-        from gearstab.bench.turning import turning_costs
+        from gearstab.bench.costs import turning_costs
 
         for cost in turning_costs(system, scene.start, scene.stop):
             say(cost.text())
         return
     prepare(target)
     from gearstab.bench import measure
-    from gearstab.bench.output import bench_group, table
+    from gearstab.bench.work_precision import bench_group, table
     from gearstab.results import Group, ResultTree, write_result
     from gearstab.results.provenance import modes_group, root_attributes
     from gearstab.results.read import BENCH
@@ -63,7 +63,7 @@ def command(
     found = measure(scene, points, seconds, lambda text: None if quiet else tell(f"measuring: {text}"))
     say(table(found, points))
     if loaded.methods.branches is not None:
-        from gearstab.bench.branches import branch_cost
+        from gearstab.bench.costs import branch_cost
 
         cycles = loaded.methods.branches.cycles
         say(branch_cost(system, scene.start, scene.stop, cycles=cycles).text(cycles))

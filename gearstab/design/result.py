@@ -88,11 +88,11 @@ def _united(solution: Solution, variable: Variable) -> Variable:
     if variable.name in ("scan_objective", "line_objective", "step_objective"):
         return replace(variable, units=own[0])
     if variable.name.startswith(("edge_sensitivity", "sensitivity")):
-        said = "of the objective" if variable.name == "sensitivity" else "of the mesh frequency"
-        return replace(variable, attributes={"comment": f"unit: that {said} over variable_units"})
+        numerator = "of the objective" if variable.name == "sensitivity" else "of the mesh frequency"
+        return replace(variable, attributes={"comment": f"unit: that {numerator} over variable_units"})
     if variable.dims in (("variable",), ("design", "variable"), ("choice", "variable")) and variable.dtype == "f8":
-        said = "unit: variable_units; of choices the number of the row, from 1"
-        return replace(variable, attributes={"comment": said})
+        comment = "unit: variable_units; of choices the number of the row, from 1"
+        return replace(variable, attributes={"comment": comment})
     return variable
 
 

@@ -11,9 +11,8 @@ from gearstab.methods.base import POINTS, RANGE, Key, Method, OptionError, Outco
 from gearstab.methods.boundaries import BoundaryAnalysis
 from gearstab.methods.branches import BranchAnalysis
 from gearstab.methods.floquet import Floquet
-from gearstab.methods.natural_frequencies import NaturalFrequencies
 from gearstab.methods.passage import Passage
-from gearstab.methods.perturbation import Perturbation, Uncoupled
+from gearstab.methods.perturbation import NaturalFrequencies, Perturbation, Uncoupled
 from gearstab.methods.required_damping import DampingAnalysis
 from gearstab.methods.response import SteadyStateAnalysis
 from gearstab.methods.tolerance import ToleranceAnalysis
@@ -46,14 +45,4 @@ def chosen(methods: Any, system: GearSystem) -> list[Method]:
     return sorted(found, key=lambda method: not method.cheap)
 
 
-__all__ = [
-    "METHODS",
-    "POINTS",
-    "RANGE",
-    "Key",
-    "Method",
-    "OptionError",
-    "Outcome",
-    "SampledMethod",
-    "chosen",
-]
+__all__ = ["METHODS", "POINTS", "RANGE", "Key", "Method", "OptionError", "Outcome", "SampledMethod", "chosen"]

@@ -190,9 +190,16 @@ class Method(ABC):
         """The least number of points of its own in a block, however costly; more where they share work."""
         return FEWEST
 
-    @staticmethod
-    def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
-        """Return the list of all regions, from those of the blocks: each once, in order of first appearance."""
+    @classmethod
+    def unite(cls, indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
+        """Return the list of all regions, from those of the blocks: each once, in order of first appearance.
+
+        Searches of a range find different regions in every system: these are in the order of their roots.
+        """
+        if cls.frequency == RANGE:
+            from gearstab.floquet.boundaries import union
+
+            return union(indices)
         return tuple(dict.fromkeys(key for index in indices for key in index))
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +11,8 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.fields import Flag
-from gearstab.methods.base import RANGE, Key, Outcome, Tolerance, TongueMethod, WidthFloor
-from gearstab.methods.certificates import check_certificate
-from gearstab.methods.restriction import ModesOption, Restricted
+from gearstab.methods.base import RANGE, Outcome, Tolerance, TongueMethod, WidthFloor
+from gearstab.methods.restriction import ModesOption, Restricted, check_certificate
 from gearstab.results.variables import CERTIFICATES, EXACT, OCCURRENCE, TONGUE, Variable, flagged
 from gearstab.system import Array, Feature
 
@@ -105,12 +104,6 @@ class BoundaryAnalysis(TongueMethod, Restricted):
                 [around_edges(arranged[..., row], ends, start, stop) for row, (ends, _) in enumerate(rows)], axis=-1
             ),
         }  # fmt: skip
-
-    @staticmethod
-    def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
-        from gearstab.floquet.boundaries import union
-
-        return union(indices)
 
     def check_options(self) -> None:
         self.check_modes()

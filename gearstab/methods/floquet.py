@@ -14,8 +14,7 @@ from gearstab.config.model.fields import Choice, Flag, Section, Whole
 from gearstab.config.model.units import Quantity, wrong
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
-from gearstab.methods.certificates import check_certificate
-from gearstab.methods.restriction import ModesOption, Restricted
+from gearstab.methods.restriction import ModesOption, Restricted, check_certificate
 from gearstab.results.variables import (
     BY_MESH,
     CERTIFIED,
@@ -225,12 +224,12 @@ class Floquet(Restricted):
         from gearstab.floquet.dispatch import reduction
 
         found = reduction(self.part)
-        said: dict[str, Any] = {"reduction": found.text()}
+        attributes: dict[str, Any] = {"reduction": found.text()}
         if self.strategy.several:
-            said["frequencies_chosen"] = self.strategy.reason
+            attributes["frequencies_chosen"] = self.strategy.reason
         if np.isfinite(found.saving) and found.saving > 1:
-            said["reduction_saving"] = found.saving
-        return said | self.restriction()
+            attributes["reduction_saving"] = found.saving
+        return attributes | self.restriction()
 
     def check_options(self) -> None:
         options = self.options

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -16,7 +16,7 @@ from gearstab.config.model.columns import columns_of
 from gearstab.config.model.conflicts import validate
 from gearstab.config.model.fields import Flag, Section
 from gearstab.config.model.units import Quantity, wrong
-from gearstab.methods.base import RANGE, Key, Method, Outcome, Tolerance, WidthFloor
+from gearstab.methods.base import RANGE, Method, Outcome, Tolerance, WidthFloor
 from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, flagged
 from gearstab.system import Array, Feature
 
@@ -184,12 +184,6 @@ class Passage(Method):
             own = validate(document, PassageOptions, place) or options
         speeds = [axis.mesh_frequency for axis in axes if axis.name in SPEEDS]
         return own.over(speeds[0].factor if speeds and speeds[0] else 1.0)
-
-    @staticmethod
-    def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
-        from gearstab.floquet.boundaries import union
-
-        return union(indices)
 
     def attributes(self) -> dict[str, Any]:
         """Return the options without the path, which stands in the configuration that the result has."""

@@ -9,8 +9,8 @@ from pydantic import Field
 
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section, Whole
 from gearstab.config.model.units import Quantity
-from gearstab.connections import Connection, by_part
 from gearstab.errors import NotPossible
+from gearstab.mesh import Connection, by_part
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
 from gearstab.results.variables import Variable, flagged
 from gearstab.results.variables.responses import (
@@ -73,13 +73,8 @@ class SteadyStateAnalysis(Method):
     def variables(self) -> tuple[Variable, ...]:
         from gearstab.response.steady import STATUS_FLAGS
 
-        return (*flagged(SPEED_RESPONSE, STATUS_FLAGS), *self._loads())
-
-    def _loads(self) -> tuple[Variable, ...]:
-        """Variables of bearings and shafts, where they are wanted."""
-        units = self._parts()
-        found = [variable for part, items in units.items() for variable in connections(part, items[0].unit)]
-        return (ORDERS, *found) if found else ()
+        loads = [variable for part, items in self._parts().items() for variable in connections(part, items[0].unit)]
+        return (*flagged(SPEED_RESPONSE, STATUS_FLAGS), *([ORDERS] if loads else ()), *loads)
 
     def _parts(self) -> dict[str, list[Connection]]:
         """The connections by what they are, where they are wanted."""

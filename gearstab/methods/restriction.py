@@ -1,17 +1,19 @@
-"""Methods whose system may be restricted to some of its modes."""
+"""Options that several methods share: the modes that a system is restricted to, and certificates."""
 
 from __future__ import annotations
 
 from functools import cached_property
+from importlib.util import find_spec
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import AfterValidator, Field
 
 from gearstab.config.model.fields import Section, Whole
 from gearstab.config.model.units import wrong
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, Feature, GearSystem
 
 ModeNumber = Annotated[int, Field(ge=1), Whole]
 
@@ -78,3 +80,25 @@ class Restricted(Method):
         if group := split_degenerate_group(self.system, self.options.modes):
             message = f"modes {', '.join(map(str, group))} have equal frequencies"
             raise OptionError(("modes",), message, "name all of them or none")
+
+
+def check_certificate(method: Method, restricted: str) -> None:
+    """Raise OptionError where the option ``certificate`` cannot be had.
+
+    restricted: the option that restricts the system, "" where none does.
+    """
+    if find_spec("flint") is None:
+        message, remedy = "needs python-flint", "install it: pip install 'gearstab[verify]'"
+    elif restricted:
+        message, remedy = "is about the whole system, not about a part of it", f"remove {restricted}"
+    elif Feature.FOLLOWS_ROTATION in method.system.features:
+        message, remedy = "is about linear systems", "set formulation: classical, or remove it"
+    elif not method.system.commensurate:
+        message, remedy = "needs mesh frequencies with a common period", "give exact ratios, or remove it"
+    elif not method.system.piecewise_constant:
+        message, remedy = "needs a system that is constant between jumps", "take rectangular waves, or remove it"
+    elif any(not term.held and np.any(term.softening) for turn in method.system.rotations for term in turn.terms()):
+        message, remedy = "needs springs that do not give way under centrifugal forces", "hold the speed, or remove it"
+    else:
+        return
+    raise OptionError(("certificate",), message, remedy)

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr
 
 from gearstab.config.model.fields import Section, Whole
-from gearstab.methods.base import RANGE, Key, Method, Outcome, SampledMethod, Tolerance, WidthFloor
+from gearstab.methods.base import RANGE, Method, Outcome, SampledMethod, Tolerance, WidthFloor
 from gearstab.methods.boundaries import BoundariesOptions, BoundaryAnalysis
 from gearstab.results.variables import OCCURRENCE, SAMPLED, TONGUE, TONGUE_PROBABILITY, Variable
 from gearstab.system import Array, GearSystem
@@ -115,12 +115,6 @@ class TongueProbabilityAnalysis(SampledMethod):
         step, coarse = (own.reshape(-1, self.design.size) for own in (found.sampled_step, found.coarse))
         search = {"sampled_step": step.max(axis=1), "coarse": coarse.sum(axis=1)}
         return Outcome(dict(zip(names, shares, strict=True)) | search, edges.index)
-
-    @staticmethod
-    def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
-        from gearstab.floquet.boundaries import union
-
-        return union(indices)
 
     def once(self) -> tuple[Method, int]:
         return self.inner, self.design.size

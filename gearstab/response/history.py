@@ -143,11 +143,7 @@ def samples_until(duration: float, step: float) -> int:
 
 
 def assembled(
-    system: GearSystem,
-    motion: Driven,
-    state: tuple[Array, Array],
-    grid: int,
-    flanks: tuple[Array, Array] | None = None,
+    system: GearSystem, motion: Driven, state: tuple[Array, Array], grid: int, flanks: tuple[Array, Array] | None = None
 ) -> Response:
     """Return the response of a system with the states (q, q') ``(samples, n)``, ``grid`` of them in a common period.
 

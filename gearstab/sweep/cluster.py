@@ -22,7 +22,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from gearstab.errors import RequestError, SweepError
+from gearstab.errors import RequestError, SweepError, one_line
 from gearstab.results.hdf5 import LEVEL, compress
 from gearstab.sweep.compute import taken_over
 from gearstab.sweep.layout import GridBlock
@@ -130,8 +130,7 @@ def _refuse_foreign(client: Any) -> None:
 
 
 def _foreign(worker: str, has: object, mine: About) -> str:
-    said = " ".join(str(has).split())
-    return f"worker {worker} has {said}; this process has {mine}: install the same on all"
+    return f"worker {worker} has {one_line(has)}; this process has {mine}: install the same on all"
 
 
 @dataclass(frozen=True)

@@ -62,11 +62,7 @@ Executor = Callable[[Plan, Sequence[GridBlock], Store, Reporter], Generator[Resu
 
 
 def run_blocks(
-    plan: Plan,
-    blocks: Sequence[GridBlock],
-    store: Store,
-    reporter: Reporter,
-    jobs: int,
+    plan: Plan, blocks: Sequence[GridBlock], store: Store, reporter: Reporter, jobs: int
 ) -> Generator[Result, None, None]:
     """Compute blocks of one method, in any order, with ``jobs`` threads or processes of this machine.
 
@@ -137,7 +133,7 @@ def _in_processes(plan: Plan, blocks: list[GridBlock], store: Store, jobs: int) 
     while pending:
         started: dict[str, GridBlock] = {}
         for result in _pooled(plan, list(pending.values()), store, min(jobs, len(pending)), started):
-            del pending[_key(result)]
+            del pending[result.block.key if isinstance(result, Failure) else result.key]
             yield result
         # What the pool left undone was in a process that died, or waiting; what finished unseen is in its part file.
         for part in store.collect(pending.values()):
@@ -147,10 +143,6 @@ def _in_processes(plan: Plan, blocks: list[GridBlock], store: Store, jobs: int) 
             block = pending.pop(key)
             results = list(_pooled(plan, [block], store, 1, {}))
             yield results[0] if results else Failure(block, None)
-
-
-def _key(result: Result) -> str:
-    return result.block.key if isinstance(result, Failure) else result.key
 
 
 def _pooled(

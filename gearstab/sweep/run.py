@@ -151,12 +151,13 @@ def run_in_memory(
     plan: Plan,
     jobs: int | None = None,
     progress: Reporter | None = None,
-    said: Mapping[str, str] | None = None,
+    attributes: Mapping[str, str] | None = None,
     forecast: Estimate | None = None,
 ) -> memoryview:
     """Compute a plan and return the bytes of its result file; finished blocks wait in a temporary folder meanwhile.
 
-    An interrupt is a KeyboardInterrupt that ends all processes; nothing is kept. said: further attributes of the root.
+    An interrupt is a KeyboardInterrupt that ends all processes; nothing is kept. attributes: further ones of the root.
+
     Raises SweepError.
     """
     reporter = progress or Reporter()
@@ -164,7 +165,7 @@ def run_in_memory(
         parts = PartFolder(Path(folder) / "result.h5", plan.digest)
         with closing(Store(plan, parts, kept=False)) as store:
             _compute(Work(plan, store, jobs or ckernel.threads(), reporter, forecast=forecast))
-            return image(merge.result_tree(store, said or {}))
+            return image(merge.result_tree(store, attributes or {}))
 
 
 def _refresh(plan: Plan, out: Path, found: previous.AtOutput) -> None:

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.connections import Connection, MachineElement
-from gearstab.mesh import Mesh
+from gearstab.mesh import Connection, MachineElement, Mesh
 from gearstab.system import Array, GearSystem
 from gearstab.systems.parts.forcing import with_damping, with_forcing
 from gearstab.systems.parts.mesh import build_mesh

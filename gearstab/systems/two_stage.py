@@ -13,7 +13,7 @@ from gearstab.config.document.tree import Document, sequence
 from gearstab.config.model.conflicts import Conflict, wrong_length
 from gearstab.config.model.fields import ExactRatio, Mass, Teeth, optional
 from gearstab.config.model.units import Quantity
-from gearstab.connections import MachineElement
+from gearstab.mesh import MachineElement
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
 from gearstab.systems.base import START_MESH, Start, System, first_number

@@ -10,7 +10,7 @@ import pytest
 import systems
 from scenes import ran
 
-from gearstab.bench import Scene, measure, reference, turning, work_precision
+from gearstab.bench import Scene, costs, measure, reference, work_precision
 from gearstab.bench.methods import METHODS, Entry
 from gearstab.floquet import solve
 from gearstab.mesh import PeriodicTerm
@@ -150,8 +150,8 @@ def test_command(tmp_path):
 
 
 def test_command_says_what_a_point_costs_where_speeds_turn(tmp_path, monkeypatch):
-    monkeypatch.setattr(turning, "POINTS", 64)
-    monkeypatch.setattr(turning, "PRODUCTS", 8)
+    monkeypatch.setattr(costs, "POINTS", 64)
+    monkeypatch.setattr(costs, "PRODUCTS", 8)
     (tmp_path / "rotor.yaml").write_text(TURNING)
     result = ran("bench", tmp_path / "rotor.yaml", "-q")
     assert result.exit_code == 0, result.output
@@ -160,7 +160,7 @@ def test_command_says_what_a_point_costs_where_speeds_turn(tmp_path, monkeypatch
     assert follows.startswith("speeds that follow the mesh frequency: ")
     for line in (held, follows):
         assert float(line.split()[-1]) < 1e-9, line
-    monkeypatch.setattr(turning, "SMOOTH_POINTS", 16)
+    monkeypatch.setattr(costs, "SMOOTH_POINTS", 16)
     (tmp_path / "smooth.yaml").write_text(SMOOTH)
     result = ran("bench", tmp_path / "smooth.yaml", "-q")
     assert result.exit_code == 0, result.output

@@ -258,7 +258,7 @@ def test_springs_that_give_way_while_the_speed_follows_are_refused(tmp_path: Pat
 
 
 def test_python_flint_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gearstab.methods.certificates.find_spec", lambda name: None)
+    monkeypatch.setattr("gearstab.methods.restriction.find_spec", lambda name: None)
     done = ran("sweep", written(tmp_path, CASE))
     assert done.exit_code == 2
     assert "gearstab[verify]" in done.stderr

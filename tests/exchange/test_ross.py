@@ -12,7 +12,7 @@ import pytest
 from scenes import DOCS
 
 import gearstab as gs
-from gearstab.bench.turning import exponential_products
+from gearstab.bench.costs import exponential_products
 from gearstab.errors import NotPossible
 from gearstab.floquet.general.mean import mean_motions
 

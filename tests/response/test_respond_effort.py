@@ -54,7 +54,7 @@ def forecast(monkeypatch: pytest.MonkeyPatch, path: Path, option: str) -> tuple[
         found.append(seconds)
         return why
 
-    monkeypatch.setattr(effort, "said", said)
+    monkeypatch.setattr(effort, "warning", said)
     config, told = load(path, [option], needs=("respond",)), []
     start = time.process_time()
     computed(config, told.append)
@@ -88,7 +88,7 @@ def test_it_is_said_where_it_is_long(folder: Path, monkeypatch: pytest.MonkeyPat
 def test_more_work_takes_longer_in_proportion(monkeypatch: pytest.MonkeyPatch, cycles: int, samples: int) -> None:
     """A long history of few states is nearly all samples."""
     found: list[float] = []
-    monkeypatch.setattr(effort, "said", lambda seconds, why: found.append(seconds))
+    monkeypatch.setattr(effort, "warning", lambda seconds, why: found.append(seconds))
     for number, each in ((1000, 100), (cycles, samples)):
         effort.linear_motion(train(), 1.0, number * tau, each)
     assert found[1] / found[0] == pytest.approx(50, rel=0.2)

@@ -7,9 +7,9 @@ from fnmatch import fnmatch
 
 from scenes import DOCS
 
-from gearstab.connections import MachineElement
 from gearstab.floquet import STATUS_FLAGS
 from gearstab.floquet.required_damping import FLAGS as DAMPING_FLAGS
+from gearstab.mesh import MachineElement
 from gearstab.passage import STATUS_FLAGS as PASSAGE_FLAGS
 from gearstab.response.backlash import BACKLASH_FLAGS
 from gearstab.response.rotating_pair.stability import FLAGS as ORBIT_FLAGS

@@ -110,17 +110,13 @@ class Meter:
         count, offset = len(dynamics.gauge), dynamics.teeth.offset(track.contact)
         stiffness = track.values[:, :, :count]
         if stiffness.shape[1] > 1:
-            low, high = extremes_of(product(stiffness, self._shifted(track, offset)))
+            beyond = track.powers @ dynamics.gauge.T
+            beyond[:, 0] -= offset
+            low, high = extremes_of(product(stiffness, beyond))
             return np.maximum(np.abs(low), np.abs(high))
         if not self.same:
             low, high = extremes_of(track.powers @ dynamics.gauge.T)
         return np.asarray(np.abs(stiffness[:, 0]) * np.maximum(np.abs(low - offset), np.abs(high - offset)))
-
-    def _shifted(self, track: Track, offset: Array) -> Array:
-        """``(S, degree + 1, meshes)``, how far the teeth are beyond their flanks, as powers of u."""
-        gauge = track.powers @ self.dynamics.gauge.T
-        gauge[:, 0] -= offset
-        return np.asarray(gauge)
 
     def summary(self, complete: int) -> LimitCycle | None:
         """Summarise the settled part, if that many common periods are complete; None if nothing is left."""

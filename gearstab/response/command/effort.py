@@ -50,10 +50,10 @@ def motion_with_backlash(system: GearSystem, duration: float) -> str | None:
     fastest = _fastest(system)
     pieces = NORM * duration * fastest / REACH
     seconds = pieces * (PIECE + ENTRY * (2 * system.size + 1) ** 2)
-    return said(seconds, f"the fastest mode vibrates {duration * fastest / tau:.2g} times meanwhile")
+    return warning(seconds, f"the fastest mode vibrates {duration * fastest / tau:.2g} times meanwhile")
 
 
-def said(seconds: float, why: str) -> str | None:
+def warning(seconds: float, why: str) -> str | None:
     """Return the warning before so much work; None below LONG."""
     if seconds < LONG:
         return None
@@ -95,7 +95,7 @@ def linear_motion(
     if order:
         nodes = (min(tau * max(order, turns), MOST_PANELS) + intervals) * len(NODES)
         seconds += nodes * (STATE + order * len(system.meshes) * PRODUCT)
-    return said(seconds, f"{every:,.0f} samples, and {intervals:,} intervals between jumps in a common period")
+    return warning(seconds, f"{every:,.0f} samples, and {intervals:,} intervals between jumps in a common period")
 
 
 def run_up(system: GearSystem, path: Path, samples: float) -> str | None:
@@ -104,4 +104,4 @@ def run_up(system: GearSystem, path: Path, samples: float) -> str | None:
     m, jumps = equation.form.size, float(path.phase[-1]) / equation.period * (len(equation.borders) - 1)
     steps = samples + jumps + float(path.time[-1]) / equation.longest_step(path)
     each = RAMP_SQUARE * m**2 if equation.exact else RAMP_CUBE * (m + 1) ** 3
-    return said(steps * (RAMP + each), f"{steps:,.0f} steps from sample to sample and from jump to jump")
+    return warning(steps * (RAMP + each), f"{steps:,.0f} steps from sample to sample and from jump to jump")

@@ -10,12 +10,11 @@ import numpy as np
 
 from gearstab.config import ConfigError
 from gearstab.errors import NotPossible
+from gearstab.response.command import tree
 from gearstab.response.rotating_pair import STATUS, InitialState, PairResponse, held, respond
 from gearstab.response.spectra import SHORTEST, spectrum
 from gearstab.results import Group, ResultTree, fields_of
 from gearstab.results.display import in_brackets, unit_of, with_orders
-from gearstab.results.provenance import modes_group, root_attributes
-from gearstab.results.read import RESPOND
 from gearstab.results.variables import flagged
 from gearstab.results.variables.responses import PAIR_RESPONSE
 from gearstab.rotating_pair import RotatingPair
@@ -28,21 +27,20 @@ MOST_SAMPLES, BYTES = 20_000_000, 64
 """Samples that a result may hold, and the bytes of each."""
 
 
-def response(config: Config, wanted: PairRespond) -> tuple[PairResponse, ResultTree]:
+def response(config: Config, section: PairRespond) -> tuple[PairResponse, ResultTree]:
     """Compute the response, and the result to be written; raises ConfigError."""
     pair = cast(RotatingPair, config.system.build())
-    speed = wanted.speed * pair.numbers.teeth[0]
-    step = tau / speed / wanted.samples_per_cycle
-    _affordable(config, wanted, speed)
-    initial, drive = wanted.initial, 0.0
+    speed = section.speed * pair.numbers.teeth[0]
+    step = tau / speed / section.samples_per_cycle
+    _affordable(config, section, speed)
+    initial, drive = section.initial, 0.0
     start = InitialState(speed, initial.phi, initial.phi_dot, initial.theta)
-    if wanted.hold_speed:
+    if section.hold_speed:
         start, drive = _held(config, pair, speed)
-    duration = inf if wanted.duration is None else wanted.duration
-    found = respond(pair, start, step, duration, wanted.cycles, MOST_SAMPLES, drive)
-    group = _group(wanted, pair, found, step, {"holding_torque": drive} if wanted.hold_speed else {})
-    root = Group((), root_attributes(RESPOND, config))
-    return found, ResultTree(root, {"modes": modes_group(pair), "response": group})
+    duration = inf if section.duration is None else section.duration
+    found = respond(pair, start, step, duration, section.cycles, MOST_SAMPLES, drive)
+    group = _group(section, pair, found, step, {"holding_torque": drive} if section.hold_speed else {})
+    return found, tree.result(config, pair, group)
 
 
 def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[InitialState, float]:
@@ -54,19 +52,19 @@ def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[In
         raise ConfigError([config.problem(("respond", "hold_speed"), "impossible", str(error), hint)]) from None
 
 
-def _affordable(config: Config, wanted: PairRespond, speed: float) -> None:
+def _affordable(config: Config, section: PairRespond, speed: float) -> None:
     """Refuse what would exhaust the memory, as far as that is known beforehand."""
-    cycles = wanted.cycles if wanted.duration is None else wanted.duration * speed / tau
-    samples = 0.0 if cycles is None else cycles * wanted.samples_per_cycle
+    cycles = section.cycles if section.duration is None else section.duration * speed / tau
+    samples = 0.0 if cycles is None else cycles * section.samples_per_cycle
     if samples > MOST_SAMPLES:
-        path = ("respond", "duration" if wanted.cycles is None else "cycles")
+        path = ("respond", "duration" if section.cycles is None else "cycles")
         most = f"{1e-9 * BYTES * MOST_SAMPLES:.2g} GB"
         message = f"{samples:.3g} samples would make a file of {1e-9 * BYTES * samples:.3g} GB, more than {most}"
         raise ConfigError([config.problem(path, "too_large", message, "ask for less, or fewer samples_per_cycle")])
 
 
 def _group(
-    wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float, holding: dict[str, float]
+    section: PairRespond, pair: RotatingPair, found: PairResponse, step: float, holding: dict[str, float]
 ) -> Group:
     """The group ``/response``; holding: the attribute of a speed that is held."""
     sections, events = found.sections, found.events
@@ -87,18 +85,18 @@ def _group(
     if pair.numbers.lever is None:
         words = "elastic mesh force times half the module"
         table = tuple(replace(v, units="N m", long_name=words) if v.name == "mesh_force" else v for v in table)
-    table = with_orders([replace(v, units=unit_of(pair, v.units)) for v in table], wanted.speed)
-    values |= _spectrum(wanted, pair, found, step)
-    return Group(fields_of(table, values), _attributes(wanted, pair, found) | holding)
+    table = with_orders([replace(v, units=unit_of(pair, v.units)) for v in table], section.speed)
+    values |= _spectrum(section, pair, found, step)
+    return Group(fields_of(table, values), _attributes(section, pair, found) | holding)
 
 
-def _spectrum(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> dict[str, Any]:
+def _spectrum(section: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> dict[str, Any]:
     """Spectrum and peaks of phi; nothing for a response that is too short."""
     # The last sample is where the next period of a response that repeats itself begins.
-    history = found.phi[round(wanted.spectrum.discard * wanted.samples_per_cycle) : -1]
+    history = found.phi[round(section.spectrum.discard * section.samples_per_cycle) : -1]
     if len(history) < SHORTEST:
         return {}
-    part = spectrum(history, step, wanted.spectrum.window, wanted.spectrum.peaks)
+    part = spectrum(history, step, section.spectrum.window, section.spectrum.peaks)
     unit = float(pair.numbers.damped_frequency) or np.nan
     return {
         "frequency": part.frequency,
@@ -111,8 +109,7 @@ def _spectrum(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step
     }
 
 
-def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) -> dict[str, Any]:
-
+def _attributes(section: PairRespond, pair: RotatingPair, found: PairResponse) -> dict[str, Any]:
     numbers = pair.numbers
     speed, angle, time = (in_brackets(pair, unit) for unit in ("rad/s", "rad", "s"))
     overdamped = "; from the damping ratio 1 on there is no w_d, and normalised frequencies are NaN"
@@ -121,7 +118,7 @@ def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) ->
         "status": found.status_text,
         "end_time": found.end,
         "mesh_cycles": found.advance,
-        "mesh_frequency": wanted.speed * numbers.teeth[0],
+        "mesh_frequency": section.speed * numbers.teeth[0],
         "natural_frequency": float(numbers.w0),
         "damped_natural_frequency": float(numbers.damped_frequency),
         "static_deflection": float(numbers.load),

@@ -11,14 +11,12 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.config.document.problems import Code
 from gearstab.errors import NotPossible
-from gearstab.modal import static_equilibrium, static_mesh_force
+from gearstab.modal import static_equilibrium
 from gearstab.response import RESPONSE_FLAGS, backlash, driven_response, free_response, harmonics, steady_state
-from gearstab.response.command import effort, loads, ramp
+from gearstab.response.command import effort, ramp, tree
 from gearstab.response.spectra import Spectra, amplitudes, densities
 from gearstab.results import Group, ResultTree, Variable, fields_of
 from gearstab.results.display import in_brackets, in_units_of, with_orders
-from gearstab.results.provenance import modes_group, root_attributes
-from gearstab.results.read import RESPOND
 from gearstab.results.variables import flagged
 from gearstab.results.variables.responses import BACKLASH_RESPONSE, RESPONSE, TOOTH_LOADS
 from gearstab.system import GearSystem, shared_period
@@ -39,40 +37,40 @@ HISTORIES = ("time", "displacement", "velocity", "mesh_deflection", "mesh_force"
 
 
 def response(
-    config: Config, wanted: Respond, say: Callable[[str], None] | None = None
+    config: Config, section: Respond, say: Callable[[str], None] | None = None
 ) -> tuple[Response | RampResponse, ResultTree]:
     """Compute the response, and the result to be written; say: is told what takes long. Raises ConfigError."""
     system = config.system.build()
     try:
-        _affordable(config, wanted, system)
-        if say is not None and (long := _effort(config, wanted, system)) is not None:
+        _affordable(config, section, system)
+        if say is not None and (long := _effort(config, section, system)) is not None:
             say(long)
-        if wanted.ramp is not None:
-            return ramp.response(config, wanted, system)
+        if section.ramp is not None:
+            return ramp.response(config, section, system)
         if backlash.has_backlash(system):
-            parting = _parting(wanted, system)
-            return parting, _backlash_result(config, wanted, system, parting)
-        if wanted.steady_state:
-            found = steady_state(system, wanted.mesh_frequency, wanted.samples_per_cycle)
+            parting = _parting(section, system)
+            return parting, _backlash_result(config, section, system, parting)
+        if section.steady_state:
+            found = steady_state(system, section.mesh_frequency, section.samples_per_cycle)
         else:
-            found = _history(wanted, system)
+            found = _history(section, system)
     except NotPossible as error:
         _refuse(config, ("respond",), "impossible", error.message, error.remedy)
-    return found, _linear_result(config, wanted, system, found)
+    return found, _linear_result(config, section, system, found)
 
 
-def _effort(config: Config, wanted: Respond, system: GearSystem) -> str | None:
+def _effort(config: Config, section: Respond, system: GearSystem) -> str | None:
     """Say how long it takes, and why, where that is long."""
-    if wanted.ramp is not None:
-        return effort.run_up(system, ramp.path_of(wanted), ramp.samples(wanted, system))
-    duration = _duration(wanted, system)
+    if section.ramp is not None:
+        return effort.run_up(system, ramp.path_of(section), ramp.samples(section, system))
+    duration = _duration(section, system)
     if backlash.has_backlash(system):
         return effort.motion_with_backlash(system, duration)
     order = teeth = 0
-    if wanted.steady_state:
-        order = _order(round(duration / _period(wanted, system) * wanted.samples_per_cycle))
-        teeth = 0 if system.load is None else len(loads.teeth(config))
-    return effort.linear_motion(system, wanted.mesh_frequency, duration, wanted.samples_per_cycle, order, teeth)
+    if section.steady_state:
+        order = _order(round(duration / _period(section, system) * section.samples_per_cycle))
+        teeth = 0 if system.load is None else len(tree.teeth(config))
+    return effort.linear_motion(system, section.mesh_frequency, duration, section.samples_per_cycle, order, teeth)
 
 
 def _order(samples: int) -> int:
@@ -80,51 +78,43 @@ def _order(samples: int) -> int:
     return max(1, min(samples // HARMONICS, MOST_HARMONICS))
 
 
-def _history(wanted: Respond, system: GearSystem) -> Response:
+def _history(section: Respond, system: GearSystem) -> Response:
     follow = driven_response if system.forced else free_response
-    given = _initial(wanted)
+    given = tree.initial(section)
     displacement, velocity = (static_equilibrium(system), np.zeros(system.size)) if given is None else given
-    duration, samples = _duration(wanted, system), wanted.samples_per_cycle
-    return follow(system, wanted.mesh_frequency, displacement, velocity, duration, samples)
+    duration, samples = _duration(section, system), section.samples_per_cycle
+    return follow(system, section.mesh_frequency, displacement, velocity, duration, samples)
 
 
-def _parting(wanted: Respond, system: GearSystem) -> BacklashResponse:
-    discard = None
-    if wanted.discard is not None:
-        discard = wanted.discard * _period(wanted, system)
-    return backlash.backlash_response(
-        system, wanted.mesh_frequency, _duration(wanted, system), _initial(wanted), wanted.samples_per_cycle, discard
-    )
+def _parting(section: Respond, system: GearSystem) -> BacklashResponse:
+    discard = None if section.discard is None else section.discard * _period(section, system)
+    duration, start = _duration(section, system), tree.initial(section)
+    samples = section.samples_per_cycle
+    return backlash.backlash_response(system, section.mesh_frequency, duration, start, samples, discard)
 
 
-def _initial(wanted: Respond) -> tuple[np.ndarray, np.ndarray] | None:
-    if wanted.initial is None:
-        return None
-    return np.array(wanted.initial.displacement), np.array(wanted.initial.velocity)
-
-
-def _period(wanted: Respond, system: GearSystem) -> float:
+def _period(section: Respond, system: GearSystem) -> float:
     """Return the period of the first mesh."""
-    return tau / (wanted.mesh_frequency * float(system.meshes[0].frequency_ratio))
+    return tau / (section.mesh_frequency * float(system.meshes[0].frequency_ratio))
 
 
-def _duration(wanted: Respond, system: GearSystem) -> float:
-    if wanted.duration is not None:
-        return wanted.duration
-    if wanted.steady_state:
-        return shared_period(system.all_ratios)[1][0] * _period(wanted, system)
-    return (wanted.cycles or 0.0) * _period(wanted, system)
+def _duration(section: Respond, system: GearSystem) -> float:
+    if section.duration is not None:
+        return section.duration
+    if section.steady_state:
+        return shared_period(system.all_ratios)[1][0] * _period(section, system)
+    return (section.cycles or 0.0) * _period(section, system)
 
 
-def _affordable(config: Config, wanted: Respond, system: GearSystem) -> None:
+def _affordable(config: Config, section: Respond, system: GearSystem) -> None:
     """Refuse what would exhaust the memory."""
-    if wanted.ramp is None:
-        samples = _duration(wanted, system) / _period(wanted, system) * wanted.samples_per_cycle + 1
+    if section.ramp is None:
+        samples = _duration(section, system) / _period(section, system) * section.samples_per_cycle + 1
     else:
-        samples = ramp.samples(wanted, system)
+        samples = ramp.samples(section, system)
     numbers = samples * (2 * system.size + 2 * len(system.meshes) + len(system.connections) + 2)
     if numbers > MOST_NUMBERS:
-        asked = next((key for key in ("duration", "cycles") if getattr(wanted, key) is not None), "samples_per_cycle")
+        asked = next((key for key in ("duration", "cycles") if getattr(section, key) is not None), "samples_per_cycle")
         message = (
             f"{samples:.3g} samples would make a file of {8e-9 * numbers:.3g} GB, more than {8e-9 * MOST_NUMBERS:g} GB"
         )
@@ -136,24 +126,24 @@ def _refuse(config: Config, path: tuple[str, ...], code: Code, message: str, hin
     raise ConfigError([config.problem(path, code, message, hint)])
 
 
-def _linear_result(config: Config, wanted: Respond, system: GearSystem, found: Response) -> ResultTree:
+def _linear_result(config: Config, section: Respond, system: GearSystem, found: Response) -> ResultTree:
     kept = len(found.time)
-    if wanted.stored_cycles is not None:
-        kept = min(kept, round(wanted.stored_cycles * wanted.samples_per_cycle) + 1)
+    if section.stored_cycles is not None:
+        kept = min(kept, round(section.stored_cycles * section.samples_per_cycle) + 1)
     values = {name: getattr(found, name)[:kept] for name in HISTORIES}
     if found.drift is not None:
         values["mean_velocity"] = found.drift
-    teeth = loads.tooth_values(config, wanted, system, found)
+    teeth = tree.tooth_values(config, section, system, found)
     table = flagged((*RESPONSE, *(TOOTH_LOADS if teeth else ())), RESPONSE_FLAGS)
-    kind = "periodic steady state" if wanted.steady_state else "driven response" if system.forced else "free response"
+    kind = "periodic steady state" if section.steady_state else "driven response" if system.forced else "free response"
     comment = (
         f"{kind}; growth_rate: largest real part of the characteristic exponents{in_brackets(system, '1/s')}; "
         f"largest_multiplier: growth over a common_period{in_brackets(system, 's')} of all that varies and drives"
     )
-    return _tree(config, wanted, system, found, table, values | teeth, {"comment": comment})
+    return _tree(config, section, system, found, table, values | teeth, {"comment": comment})
 
 
-def _backlash_result(config: Config, wanted: Respond, system: GearSystem, found: BacklashResponse) -> ResultTree:
+def _backlash_result(config: Config, section: Respond, system: GearSystem, found: BacklashResponse) -> ResultTree:
     events = found.events
     values: dict[str, Any] = {
         "play": np.stack([found.teeth.low, found.teeth.high], axis=1),
@@ -169,7 +159,7 @@ def _backlash_result(config: Config, wanted: Respond, system: GearSystem, found:
         "comment": "response with loss of contact; growth_rate, largest_multiplier: of the linear system with teeth "
         f"in contact; settled: from settled_from to settled_until{in_brackets(system, 's')}; period: number of "
         "common periods after which the motion repeats itself, 0 if it does not, by section_difference, relative to "
-        "the extent of the motion",
+        "the extent of the motion"
     }
     if found.cycle is not None:
         cycle = found.cycle
@@ -178,37 +168,28 @@ def _backlash_result(config: Config, wanted: Respond, system: GearSystem, found:
         attributes |= {"settled_from": cycle.begin, "settled_until": cycle.end}
         attributes |= {"period": cycle.period, "section_difference": cycle.difference}
     table = flagged(BACKLASH_RESPONSE, backlash.BACKLASH_FLAGS)
-    return _tree(config, wanted, system, found, table, values, attributes)
+    return _tree(config, section, system, found, table, values, attributes)
 
 
 def _tree(
-    config: Config, wanted: Respond, system: GearSystem, found: Response, table: Sequence[Variable],
+    config: Config, section: Respond, system: GearSystem, found: Response, table: Sequence[Variable],
     values: Mapping[str, Any], attributes: Mapping[str, Any],
 ) -> ResultTree:  # fmt: skip
     """The response as a result: its root, ``/modes`` and ``/response``."""
-    common: dict[str, Any] = {
-        "dof": list(system.coordinates),
-        "dof_units": list(system.coordinate_units),
-        "mesh": [mesh.name for mesh in system.whole_meshes],
-        "status": found.flags,
-    }
-    if system.load is not None:
-        common["static_mesh_force"] = static_mesh_force(system)
-    said = ("status", "mesh_frequency", "common_period", "growth_rate", "largest_multiplier")
+    names = ("status", "mesh_frequency", "common_period", "growth_rate", "largest_multiplier")
     cycles = config.system.cycles_of_input()
     table = with_orders(
-        (*in_units_of(system, table), *loads.table(system)), None if cycles is None else found.mesh_frequency / cycles
+        (*in_units_of(system, table), *tree.table(system)), None if cycles is None else found.mesh_frequency / cycles
     )
-    fields = fields_of(table, {**common, **loads.values(system, values), **values, **_spectral(wanted, system, found)})
-    shafts = weak_shafts(system)
-    group = Group(fields, {**{name: getattr(found, name) for name in said}, **attributes, **shafts})
-    root = Group((), root_attributes(RESPOND, config))
-    return ResultTree(root, {"modes": modes_group(system), "response": group})
+    common, forces = tree.common(system, found), tree.values(system, values)
+    fields = fields_of(table, {**common, **forces, **values, **_spectral(section, system, found)})
+    known = {name: getattr(found, name) for name in names}
+    return tree.result(config, system, Group(fields, {**known, **attributes, **weak_shafts(system)}))
 
 
-def _spectral(wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
+def _spectral(section: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
     """Amplitudes of the harmonics of a steady state, else power spectral densities of the history."""
-    if not wanted.steady_state:
+    if not section.steady_state:
         spectra = densities(found)
         return {} if spectra is None else _named(spectra, "density", system)
     if found.status == "failed":

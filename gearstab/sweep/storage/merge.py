@@ -68,10 +68,10 @@ class Summary:
     certified: float | None = None
 
 
-def result_tree(store: Store, said: Mapping[str, str]) -> ResultTree:
-    """The whole result of a plan of which all is finished; ``said``: what its root says besides."""
+def result_tree(store: Store, attributes: Mapping[str, str]) -> ResultTree:
+    """The whole result of a plan of which all is finished; ``attributes``: further ones of its root."""
     plan = store.plan
-    axes = {axis.name: _fields(axis, plan.config) for axis in plan.config.axes}
+    axes = {axis.name: [with_range(field, plan.config) for field in axis_fields(axis)] for axis in plan.config.axes}
     # Motions along branches have a mesh frequency each, and groups inherit no axis of that name.
     varies = any(v.name == FREQUENCY for layout in plan.layouts for v in layout.method.variables())
     named = {FREQUENCY} & {*axes} if varies else set()
@@ -79,7 +79,7 @@ def result_tree(store: Store, said: Mapping[str, str]) -> ResultTree:
     inherited = [
         _aside(field) if field.variable.name in named else field for fields in axes.values() for field in fields
     ]
-    root = Group(tuple(inherited), root_attributes(SWEEP, plan.config) | dict(said))
+    root = Group(tuple(inherited), root_attributes(SWEEP, plan.config) | dict(attributes))
     groups = {"modes": modes_group(plan.base, plan.mesh_frequencies)}
     for layout in plan.layouts:
         beside = [field for name in axes if name in layout.dims for field in own[name]]
@@ -106,11 +106,6 @@ def axis_fields(axis: Axis) -> list[Field]:
             kind = TEXT if item.structural else "f8"
             fields.append(Field(coordinate(item.name, axis.name, kind, item.units, item.title), values))
     return fields
-
-
-def _fields(axis: Axis, config: Config) -> list[Field]:
-    """The coordinates of an axis, with the ranges of operation."""
-    return [with_range(field, config) for field in axis_fields(axis)]
 
 
 def _aside(field: Field) -> Field:
@@ -192,10 +187,10 @@ def write(store: Store, out: Path, look: Look) -> None:
 
     look: raises where ``out`` must not be replaced any more. Raises OSError, whatever else is in the way.
     """
-    said = origin(store.plan.config, out)
+    attributes = origin(store.plan.config, out)
     if store.plan.taken is not None:
-        said["extended_from"] = str(store.plan.taken.path)
-    write_result(out, result_tree(store, said), look)
+        attributes["extended_from"] = str(store.plan.taken.path)
+    write_result(out, result_tree(store, attributes), look)
 
 
 def summary_of(store: Store, reused: int) -> Summary:

@@ -168,7 +168,7 @@ class PartFolder:
             if path.is_symlink() or (path.exists() and not path.is_dir()):
                 what = "a link" if path.is_symlink() else "no folder"
                 raise OutputError(f"{path}: is {what}, but finished blocks go there; remove it or choose another -o")
-            if not _allowed(path):
+            if path.exists() and not os.access(path, os.R_OK | os.W_OK | os.X_OK):
                 allow = "allow it with chmod u+rwx, remove it or choose another -o"
                 raise OutputError(f"{path}: finished blocks go there, but it cannot be read and written; {allow}")
         # An equal sweep may remove the folder at any moment.
@@ -218,11 +218,6 @@ class PartFolder:
             return []
         found = [path for path in sorted(self.every.iterdir()) if path.is_dir() and not path.is_symlink()]
         return [path for path in found if path != self.path]
-
-
-def _allowed(path: Path) -> bool:
-    """Whether a folder, if there is one, can be read and written."""
-    return os.access(path, os.R_OK | os.W_OK | os.X_OK) or not path.exists()
 
 
 def _usable(lock: os.DirEntry[str]) -> bool:

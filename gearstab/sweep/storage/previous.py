@@ -93,8 +93,8 @@ class Previous:
             raise self._blame(method, error) from None
         except (KeyError, ValueError, TypeError, IndexError, RuntimeError) as error:
             # A seal that fits says nothing of who made it.
-            said = f"{type(error).__name__}: {one_line(error)}"
-            text = f"{self.path}: {method} in it is not as a sweep writes it ({said}); compute it again"
+            message = f"{type(error).__name__}: {one_line(error)}"
+            text = f"{self.path}: {method} in it is not as a sweep writes it ({message}); compute it again"
             raise ResultError(text) from error
 
     def _blame(self, method: str, error: OSError) -> ResultError | SweepError:

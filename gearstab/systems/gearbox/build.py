@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.connections import MachineElement
 from gearstab.errors import NotPossible
 from gearstab.gears.relief import ReliefForce
-from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm, RevolutionError
+from gearstab.mesh import MachineElement, Mesh, PeriodicForce, PeriodicTerm, RevolutionError
 from gearstab.rotation import Rotation
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total

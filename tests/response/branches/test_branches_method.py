@@ -20,7 +20,7 @@ from backlash_pairs import CASES, pair
 from scenes import ran
 
 from gearstab import plots
-from gearstab.bench.branches import branch_cost
+from gearstab.bench.costs import branch_cost
 from gearstab.config import ConfigError, load
 from gearstab.errors import ResultError
 from gearstab.info import result

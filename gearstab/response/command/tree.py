@@ -1,4 +1,4 @@
-"""Forces of bearings, torques of shafts and loads of teeth over time, and of run-ups over the speed."""
+"""Parts that all results of responses share: root and modes, coordinates, forces of connections, loads of teeth."""
 
 from __future__ import annotations
 
@@ -7,19 +7,44 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.connections import by_part
+from gearstab.mesh import by_part
 from gearstab.modal import static_mesh_force
 from gearstab.response import RampResponse, Response
 from gearstab.response.loads import MOST_POINTS, LoadedTeeth, orders, phases, positions, tooth_loads
 from gearstab.response.spectra import Windows
-from gearstab.results import Variable
+from gearstab.results import Group, ResultTree, Variable
 from gearstab.results.display import unit_of
+from gearstab.results.provenance import modes_group, root_attributes
+from gearstab.results.read import RESPOND
 from gearstab.results.variables.responses import MESH_ORDER, history_of_connections, load_of, run_up_of_connections
-from gearstab.system import GearSystem
+from gearstab.rotating_pair import RotatingPair
+from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.systems.parts.respond import Respond
+
+
+def result(config: Config, system: GearSystem | RotatingPair, group: Group) -> ResultTree:
+    """Return the result of a response: its root, ``/modes`` and the group ``/response``."""
+    root = Group((), root_attributes(RESPOND, config))
+    return ResultTree(root, {"modes": modes_group(system), "response": group})
+
+
+def initial(section: Respond) -> tuple[Array, Array] | None:
+    """Return the displacement and the velocity that a motion begins with; None where they are not given."""
+    if section.initial is None:
+        return None
+    return np.array(section.initial.displacement), np.array(section.initial.velocity)
+
+
+def common(system: GearSystem, found: Response | RampResponse) -> dict[str, Any]:
+    """Return names of coordinates and meshes, flags and static mesh forces of a response."""
+    static = {} if system.load is None else {"static_mesh_force": static_mesh_force(system)}
+    return {
+        "dof": list(system.coordinates), "dof_units": list(system.coordinate_units),
+        "mesh": [mesh.name for mesh in system.whole_meshes], "status": found.flags,
+    } | static  # fmt: skip
 
 
 def table(system: GearSystem, ramp: bool = False) -> list[Variable]:
@@ -52,13 +77,13 @@ def harmonics(system: GearSystem, found: RampResponse, forces: Mapping[str, Any]
     return {MESH_ORDER: known, **own}
 
 
-def tooth_values(config: Config, wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
+def tooth_values(config: Config, section: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
     """The variables of TOOTH_LOADS, none where no teeth are known, nothing is loaded or a history begins anywhere."""
     known = teeth(config)
-    if not known or system.load is None or not wanted.steady_state or found.status == "failed":
+    if not known or system.load is None or not section.steady_state or found.status == "failed":
         return {}
     static = static_mesh_force(system)
-    points = min(MOST_POINTS, wanted.samples_per_cycle)
+    points = min(MOST_POINTS, section.samples_per_cycle)
     loads = [
         tooth_loads(
             item, phases(system, k, found.time, found.mesh_frequency), found.mesh_force[:, k], float(static[k]), points
