@@ -17,8 +17,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from gearstab.config import load
-from gearstab.plots.drawing.heading import write_legend
-from gearstab.plots.drawing.style import CASES, DASHES, new_figure, save, style
+from gearstab.plots.drawing.style import CASES, DASHES, new_figure, save, style, write_legend
 from gearstab.plots.view import Request
 from gearstab.systems.gearbox.train import Train
 

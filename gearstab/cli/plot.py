@@ -47,8 +47,7 @@ def command(
     """Draw a figure from the file RESULT alone; nothing is computed again."""
     from gearstab.errors import PlotError
     from gearstab.plots import draw
-    from gearstab.plots.drawing.heading import title_of
-    from gearstab.plots.drawing.style import FIGURE, checked_extension, save
+    from gearstab.plots.drawing.style import FIGURE, checked_extension, save, title_of
     from gearstab.plots.interactive import PAGE, save_page
     from gearstab.plots.view import Request
     from gearstab.results.read import reading

@@ -1,4 +1,4 @@
-"""Figures from a result alone: one kind a file, one table. Nothing is computed again, nothing shown on a screen."""
+"""Figures from a result alone, their kinds in one table. Nothing is computed again, nothing shown on a screen."""
 
 from __future__ import annotations
 
@@ -11,41 +11,22 @@ from matplotlib.figure import Figure
 from gearstab.errors import PlotError, listed
 from gearstab.plots import modes, work_precision
 from gearstab.plots.axes import distinct, refuse_empty
-from gearstab.plots.design import before_after, contour, pareto, tornado
-from gearstab.plots.drawing.levels import DECIBEL
+from gearstab.plots.design import before_after, objective
 from gearstab.plots.drawing.style import style
 from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.maps import (
-    boundaries,
-    campbell,
-    curve,
-    passage,
-    probability,
-    required_damping,
-    slices,
-    stability_map,
-    surface,
-)
-from gearstab.plots.motions import (
-    branches,
-    orders,
-    pair,
-    phase_plane,
-    response,
-    spectrum,
-    speeds,
-    teeth,
-    waterfall,
-)
+from gearstab.plots.maps import boundaries, campbell, contours, curve, passage, stability_map, surface
+from gearstab.plots.motions import branches, orders, phase_plane, response, spectrum, speeds
+from gearstab.plots.motions.speeds import DECIBEL
 from gearstab.plots.view import Request, nearest_values
 from gearstab.results.display import in_display_units
 
 KINDS: dict[str, Kind] = {
-    module.KIND.name: module.KIND
-    for module in (
-        stability_map, slices, curve, modes, boundaries, surface, required_damping, probability, passage,
-        speeds, branches, work_precision, response, campbell, waterfall, orders, pair, spectrum, teeth, phase_plane,
-        contour, tornado, before_after, pareto,
+    kind.name: kind
+    for kind in (
+        stability_map.KIND, stability_map.SLICES, curve.KIND, modes.KIND, boundaries.KIND, surface.KIND,
+        contours.REQUIRED_DAMPING, contours.PROBABILITY, passage.KIND, speeds.KIND, branches.KIND, work_precision.KIND,
+        response.KIND, campbell.KIND, orders.WATERFALL, orders.KIND, phase_plane.PAIR, spectrum.KIND, spectrum.TEETH,
+        phase_plane.KIND, objective.CONTOUR, objective.TORNADO, before_after.KIND, before_after.PARETO,
     )
 }  # fmt: skip
 """By name; of several kinds that suit a result the last is its default."""

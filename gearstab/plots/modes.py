@@ -16,8 +16,7 @@ from matplotlib.lines import Line2D
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import texts, units_of
 from gearstab.plots.drawing import gear_bodies
-from gearstab.plots.drawing.heading import write_title
-from gearstab.plots.drawing.style import CASES, LINE, WIDTHS, new_figure
+from gearstab.plots.drawing.style import CASES, LINE, WIDTHS, new_figure, write_title
 from gearstab.plots.drawing.text import bracketed, fitted, number_text, plain, unit_text
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.view import Request

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.drawing.heading import write_title
-from gearstab.plots.drawing.style import CASES, new_frame
+from gearstab.plots.drawing.style import CASES, new_frame, write_title
 from gearstab.plots.kinds import Kind
 from gearstab.plots.view import Request
 

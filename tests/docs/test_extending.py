@@ -29,7 +29,7 @@ def test_every_table_that_is_named_is_in_its_file() -> None:
     [
         ("trapezoidal", "waveforms/trapezoidal.py", "waveforms/__init__.py"),
         ("two_stage", "systems/two_stage.py", "systems/__init__.py"),
-        ("slices", "plots/maps/slices.py", "plots/__init__.py"),
+        ("surface", "plots/maps/surface.py", "plots/__init__.py"),
     ],
 )
 def test_what_is_there_is_known_to_its_file_and_its_table_alone(name: str, of: str, table: str) -> None:

@@ -170,7 +170,7 @@ BUDGETS: dict[str, dict[str, tuple[int, int]]] = {
         "methods": (14, 1590),
         "passage": (5, 420),
         "perturbation": (16, 1960),
-        "plots": (58, 5320),
+        "plots": (40, 5160),
         "propagation": (16, 1400),
         "response": (37, 4590),
         "results": (20, 1950),

@@ -7,8 +7,8 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from gearstab.plots.drawing.long_line import draw_long_line
 from gearstab.plots.drawing.style import style
+from gearstab.plots.motions.response import draw_long_line
 
 
 @pytest.mark.parametrize("samples", [4_000, 25_000])

@@ -14,9 +14,8 @@ from scenes import TRAIN, ran
 import gearstab
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
-from gearstab.plots.cases import thinned
 from gearstab.plots.drawing.tongues import THIN, joints, pieces
-from gearstab.plots.view import Request
+from gearstab.plots.view import Request, thinned
 
 ENTRIES = {
     "mesh_frequency": [1.0, 2.0, 4.0],

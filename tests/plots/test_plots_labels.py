@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gearstab.plots import draw
 from gearstab.plots.axes import FigureAxis
-from gearstab.plots.drawing.placement import FAR, isotonic, pack, place
+from gearstab.plots.drawing.labels import FAR, isotonic, pack, place
 from gearstab.plots.drawing.text import axis_label, fitted, symbol, tongue_label, unit_text
 
 

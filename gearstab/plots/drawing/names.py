@@ -19,7 +19,7 @@ from matplotlib.transforms import (
     blended_transform_factory,
 )
 
-from gearstab.plots.drawing.placement import FAR, Placed, place
+from gearstab.plots.drawing.labels import FAR, Placed, place
 from gearstab.plots.drawing.text import tongue_label
 from gearstab.plots.drawing.tongues import (
     INVISIBLE,

@@ -1,4 +1,4 @@
-"""How every figure looks: one journal column or two, Times-like mathematics, nothing that depends on the machine.
+"""Look of every figure: one journal column or two, Times-like mathematics, a title above, a legend below.
 
 The fonts (STIX) come with matplotlib, the user's own matplotlibrc is set aside, and files carry no time stamp, so
 that the same result gives the same bytes everywhere.
@@ -8,25 +8,27 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from math import ceil
 from pathlib import Path
 from shutil import which
-from typing import TYPE_CHECKING, Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 import matplotlib.style
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.legend import Legend
 
 from gearstab.errors import PlotError, listed
+from gearstab.plots.drawing.text import fitted, plain
+from gearstab.plots.view import Request, View
 from gearstab.results.output import Content, write_bytes
-
-if TYPE_CHECKING:
-    from gearstab.plots.view import Request
 
 WIDTHS = {"single": 3.46, "double": 7.09}
 """Width in inches of one column (88 mm) and of two (180 mm)."""
@@ -203,3 +205,46 @@ def no_figure(path: Path) -> str:
 
 
 FIGURE = Content("a figure", "/".join(EXTENSIONS), no_figure, (), streams=True)
+
+
+def title_of(tree: xr.DataTree) -> str:
+    """The title of the result, empty if it has none."""
+    return str(tree.attrs.get("title", "") or "")
+
+
+def write_title(figure: Figure, tree: xr.DataTree, request: Request, view: View | None = None) -> None:
+    """Write the result's title or the one asked for, and what was selected, over the figure.
+
+    Nothing if the user wants no title, or gave a frame, over which stand the names of the tongues.
+    """
+    if not request.title or request.ax is not None:
+        return
+    title = fitted(plain(request.title if isinstance(request.title, str) else title_of(tree)), figure.get_figwidth(), 9)
+    lines = [title] if title else []
+    if view is not None and view.chosen:
+        lines.append(",  ".join(view.chosen))
+    if lines:
+        figure.suptitle("\n".join(lines), linespacing=1.1)
+
+
+Place = Literal["outside lower center", "outside lower right"]
+
+
+def write_legend(
+    figure: Figure, handles: Sequence[Any], place: Place = "outside lower center", ax: Axes | None = None
+) -> Legend | None:
+    """A legend under the figure with as many columns as its width holds, the rows about equally full.
+
+    None without handles. ax: the frame that it goes into instead, in a figure that the user made.
+    """
+    if not handles:
+        return None
+    if ax is not None:
+        return ax.legend(handles=list(handles))
+    count = len(handles)
+    for rows in range(1, count + 1):
+        legend = figure.legend(handles=list(handles), loc=place, ncols=ceil(count / rows))
+        if rows == count or legend.get_window_extent().width <= figure.bbox.width:
+            return legend
+        legend.remove()
+    return None

@@ -13,14 +13,12 @@ from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError
 from gearstab.plots.axes import INNER, sweep_axes, swept_groups
-from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing import grid, names, tongues
-from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import CASES, LINE, SHADE, new_frame
+from gearstab.plots.drawing.style import CASES, LINE, SHADE, new_frame, write_legend, write_title
 from gearstab.plots.drawing.tongues import DrawnTongues
 from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.maps import proved
-from gearstab.plots.view import MapView, Request, view_of
+from gearstab.plots.maps import overlays
+from gearstab.plots.view import MapView, Request, caption, some, view_of
 from gearstab.results.display import SPEEDS
 
 Array = np.ndarray
@@ -71,7 +69,7 @@ def draw_case(
     """
     regions = draw_regions(tree, ax, view, fill)
     grid.frame(ax, view.x, view.y)
-    tint = proved.draw_over(tree, ax, view) if alone else None
+    tint = overlays.draw_over(tree, ax, view) if alone else None
     groups = tongues.THEORIES if alone or regions is None else tongues.THEORIES[1:]
     colour = CASES[number]
     lines = tongues.draw_theories(tree, ax, view, groups, colour, to_rgba(colour, 0.4))
@@ -89,7 +87,7 @@ def legend_handles(tree: xr.DataTree, cases: list[Artists], captions: list[str])
     handles += tongues.legend_of(tree, cases[0], "#6e6e6e" if several else LINE)
     if cases[0]["regions"] is not None:
         handles.append(Patch(facecolor="#d9d9d9" if several else SHADE, label="unstable (Floquet)"))
-    return [*handles, *proved.legend_of(cases[0]["proved"])]
+    return [*handles, *overlays.legend_of_proved(cases[0]["proved"])]
 
 
 def named_cases(tree: xr.DataTree, ax: Axes, views: list[MapView]) -> names.NamedTongues:

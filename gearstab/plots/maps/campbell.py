@@ -23,17 +23,14 @@ from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError
 from gearstab.plots.axes import INNER, FigureAxis, group_of, mesh_numbers, sweep_axes, swept_groups, units_of
-from gearstab.plots.cases import MOST_PANELS, TALL, arrangement, caption, some
 from gearstab.plots.drawing import grid, names, tongues
-from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.orders import draw_order, number_orders, order_colour
-from gearstab.plots.drawing.style import CASES, LINE, SHADE, UNSTABLE, new_figure, new_frame
+from gearstab.plots.drawing.labels import draw_order, number_orders, order_colour
+from gearstab.plots.drawing.style import CASES, LINE, SHADE, UNSTABLE, new_figure, new_frame, write_legend, write_title
 from gearstab.plots.drawing.text import bracketed, fitted, plain, tongue_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import branches
-from gearstab.plots.maps.branches import Region
-from gearstab.plots.motions.whirl import WhirlCurves
-from gearstab.plots.view import Request, View, view_along
+from gearstab.plots.maps.branches import Region, WhirlCurves
+from gearstab.plots.view import MOST_PANELS, TALL, Request, View, arrangement, caption, some, view_along
 from gearstab.results.display import RATIOS, SPEEDS
 
 Array = np.ndarray

@@ -12,15 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearstab.plots.axes import FigureAxis
-from gearstab.plots.cases import Index, caption, some
 from gearstab.plots.drawing import grid, names, tongues
-from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_frame
+from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_frame, write_legend, write_title
 from gearstab.plots.drawing.text import fitted
-from gearstab.plots.kinds import Kind
-from gearstab.plots.maps import doubt, proved
-from gearstab.plots.variables import GROWTH_RATE, colour_label, default_variable, find_variable
-from gearstab.plots.view import Request, View, view_along
+from gearstab.plots.kinds import GROWTH_RATE, Kind, colour_label, default_variable, find_variable
+from gearstab.plots.maps import overlays
+from gearstab.plots.view import Index, Request, View, caption, some, view_along
 from gearstab.results.display import SPEEDS
 
 Array = np.ndarray
@@ -83,7 +80,7 @@ def draw_doubts(
     """Draw halos behind what is in doubt of each case's line; what the legend is to say of them."""
     words = []
     for line, case in zip(lines, cases, strict=True):
-        words += doubt.halo(ax, line, doubt.doubtful(tree, dataset, view.at(**case), view.x.name))
+        words += overlays.halo(ax, line, overlays.doubtful(tree, dataset, view.at(**case), view.x.name))
     return words
 
 
@@ -113,12 +110,12 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     if variable == GROWTH_RATE:
         ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.8)
     found, bands = draw_bands(tree, ax, view) if len(cases) == 1 else (None, None)
-    tint = proved.draw_proved(tree, ax, view, None) if len(cases) == 1 else None
+    tint = overlays.draw_proved(tree, ax, view, None) if len(cases) == 1 else None
     handles = [
         *(lines if len(cases) > 1 else []),
         *legend_of_bands(tree, bands),
-        *proved.legend_of(tint),
-        *doubt.legend_of_curves(doubted),
+        *overlays.legend_of_proved(tint),
+        *overlays.legend_of_curves(doubted),
     ]
     write_legend(figure, handles, ax=request.ax)
     write_title(figure, tree, request, view)

@@ -12,12 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from gearstab.errors import PlotError
-from gearstab.plots.cases import caption, some
-from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import CASES, new_figure
+from gearstab.plots.drawing.style import CASES, new_figure, write_legend, write_title
 from gearstab.plots.drawing.text import number_text, unit_text
 from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.view import Request, view_along
+from gearstab.plots.view import Request, caption, some, view_along
 from gearstab.results.display import SHOWN_SCALE, SPEEDS
 
 Array = np.ndarray

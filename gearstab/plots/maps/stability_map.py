@@ -1,4 +1,4 @@
-"""The stability map: growth rate over two axes, instability boundaries and the names of the tongues."""
+"""The stability map over two axes, with boundaries and names of the tongues, and small multiples over a third axis."""
 
 from __future__ import annotations
 
@@ -13,14 +13,21 @@ from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, LogNorm, N
 from matplotlib.figure import Figure
 
 from gearstab.plots.drawing import grid, names, tongues
-from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import GROWTH, LINE, PROVED, UNSTABLE, new_frame
+from gearstab.plots.drawing.style import (
+    GROWTH,
+    LINE,
+    PROVED,
+    UNSTABLE,
+    new_figure,
+    new_frame,
+    write_legend,
+    write_title,
+)
 from gearstab.plots.drawing.text import fitted
-from gearstab.plots.kinds import Kind
-from gearstab.plots.maps import doubt, proved
+from gearstab.plots.kinds import GROWTH_RATE, LOAD_FACTOR, Kind, colour_label, default_variable, find_variable
+from gearstab.plots.maps import overlays
 from gearstab.plots.maps.coarse import coarse
-from gearstab.plots.variables import GROWTH_RATE, LOAD_FACTOR, colour_label, default_variable, find_variable
-from gearstab.plots.view import MapView, Request, two_axes_only, view_of
+from gearstab.plots.view import MOST_PANELS, TALL, MapView, Request, arrangement, caption, some, two_axes_only, view_of
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -78,7 +85,7 @@ def draw_map(
     Returns the artists, None where there is no such thing: ``cells`` (values of unstable points; stable ones masked),
     ``failed`` (hatched) and the ``reason``, ``note`` (if all is stable), ``neutral`` (the line growth_rate = 0 of a
     damped system without exact boundaries), ``perturbation``, ``boundaries`` and ``thin`` (lines, see
-    ``tongues.draw_theories``), ``doubtful`` (hatchings by their words, see :mod:`gearstab.plots.maps.doubt`),
+    ``tongues.draw_theories``), ``doubtful`` (hatchings by their words, see :mod:`gearstab.plots.maps.overlays`),
     ``proved`` (a tint of what is proved stable).
     """
     values, failed = read_cells(tree, view, variable)
@@ -86,7 +93,7 @@ def draw_map(
     artists: Artists = {
         "cells": grid.draw_cells(ax, view.x, view.y, values, cmap, norm or own),
         "failed": grid.draw_failed(ax, view.x, view.y, failed),
-        "reason": doubt.reason(find_variable(tree, variable)[0], view, failed),
+        "reason": overlays.reason(find_variable(tree, variable)[0], view, failed),
         "neutral": None,
         "note": None,
     }
@@ -95,14 +102,14 @@ def draw_map(
             0.5, 0.5, "stable at every point", transform=ax.transAxes, ha="center", color="#6e6e6e"
         )
     dataset = find_variable(tree, variable)[0]
-    artists["doubtful"] = doubt.hatch(ax, view, doubt.doubtful(tree, dataset, view, view.y.name, view.x.name))
+    artists["doubtful"] = overlays.hatch(ax, view, overlays.doubtful(tree, dataset, view, view.y.name, view.x.name))
     grid.frame(ax, view.x, view.y)
     overlaid = variable in (GROWTH_RATE, STABLE) or "mesh" in find_variable(tree, variable)[1].dims
     artists |= tongues.draw_theories(tree, ax, view, ("boundaries", "perturbation") if overlaid else ())
     # Between the cells this contour is a guess, which exact boundaries leave no room for.
     if variable == GROWTH_RATE and artists["boundaries"] is None:
         artists["neutral"] = draw_neutral(tree, ax, view)
-    return artists | {"proved": proved.draw_over(tree, ax, view) if overlaid else None}
+    return artists | {"proved": overlays.draw_over(tree, ax, view) if overlaid else None}
 
 
 def draw_neutral(tree: xr.DataTree, ax: Axes, view: MapView) -> object | None:
@@ -178,9 +185,9 @@ def whole_map(
     handles = [
         *artists.get("entries", []),
         *tongues.legend_of(tree, artists),
-        *proved.legend_of(tint),
-        *doubt.legend_of_map(doubtful),
-        *doubt.legend_of_failed(artists),
+        *overlays.legend_of_proved(tint),
+        *overlays.legend_of_map(doubtful),
+        *overlays.legend_of_failed(artists),
     ]
     write_legend(figure, handles, ax=request.ax)
     write_title(figure, tree, request, view)
@@ -192,4 +199,66 @@ def whole_map(
 
 KIND = Kind(
     "map", "growth rate over two axes with boundaries and names of the tongues", draw, lambda c: c.dimensions == 2
+)
+
+
+def draw_panel(tree: xr.DataTree, ax: Axes, view: MapView, variable: str, norm: Any, text: str) -> Artists:
+    """One map with its caption above (the names of the tongues stand between)."""
+    artists = draw_map(tree, ax, view, variable, norm)
+    artists["caption"] = ax.set_title(text, loc="left", pad=18)
+    ax.label_outer()
+    ax.set(xlabel="", ylabel="")
+    return artists
+
+
+def draw_slices(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure: ``panels`` and ``colour_bar``.
+
+    A panel is a mapping of artists, see ``draw_map``, with ``caption`` and ``names``. All panels share
+    axes and colours. Raises PlotError if there would be more than ``MOST_PANELS``.
+    """
+    variable = request.variable or default_variable(tree)
+    dataset, data = find_variable(tree, variable)
+    view = view_of(tree, map(str, data.dims), request, dataset)
+    chosen, note = some(view.free, MOST_PANELS, "panels", request.partial)
+    shown = [coarse(tree, view.at(**panel), variable) for panel in chosen]
+    views = [item for _, item in shown]
+    wide = request.wide("double")
+    rows, columns = arrangement(chosen, wide)
+    each = 0.88 if wide else 0.62
+    figure = new_figure(request, min(1.25 if wide else TALL, 0.12 + each * rows / columns), "double")
+    frames = np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False))
+    values = np.ma.stack([read_cells(*item, variable)[0] for item in shown])
+    norm = colours(values, variable)[1]
+    panels = []
+    for number, (ax, (part, item), panel) in enumerate(zip(frames, shown, chosen, strict=False)):
+        text = f"({chr(97 + number)})  {caption(view.free, panel)}" if len(views) > 1 else caption(view.free, panel)
+        panels.append(draw_panel(part, ax, item, variable, norm, text))
+    for ax in frames[len(views) :]:
+        ax.remove()
+    for ax in frames[max(0, len(views) - columns) : len(views)]:
+        # The lowest of its column, whether or not that ends above the others.
+        ax.tick_params(labelbottom=True)
+        ax.set_xlabel(fitted(view.x.label, 0.85 * figure.get_figwidth() / columns, 8.5))
+    label = fitted(colour_label(tree, variable), 1.8 * rows, 8.5)
+    bar = colour_bar(figure, panels[0], list(frames[: len(views)]), label, pad=0.015, aspect=18 * rows)
+    doubtful = {words: patches for panel in panels for words, patches in panel["doubtful"].items()}
+    tint = next((panel["proved"] for panel in panels if panel["proved"] is not None), None)
+    handles = [*tongues.legend_of(tree, panels[0]), *overlays.legend_of_proved(tint), *overlays.legend_of_map(doubtful)]
+    handles += overlays.legend_of_failed(next((panel for panel in panels if panel["failed"] is not None), panels[0]))
+    write_legend(figure, handles)
+    figure.supylabel(view.y.label, fontsize=8.5)
+    write_title(figure, tree, request, view)
+    names.settle(figure)
+    for ax, (part, item), artists in zip(frames, shown, panels, strict=False):
+        artists["names"] = names.name_view(part, ax, item, rows=1)
+    names.freeze(figure, request)
+    return figure, {"panels": panels, "colour_bar": bar, "left_out": note}
+
+
+SLICES = Kind(
+    "slices",
+    "maps over a third axis, one panel per value",
+    draw_slices,
+    lambda c: c.dimensions is not None and c.dimensions > 2,
 )

@@ -17,8 +17,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection  # typ
 
 from gearstab.errors import PlotError
 from gearstab.plots.axes import FigureAxis, axis_of, mesh_numbers, sweep_axes
-from gearstab.plots.drawing.heading import write_title
-from gearstab.plots.drawing.style import LINE, new_figure
+from gearstab.plots.drawing.style import LINE, new_figure, write_title
 from gearstab.plots.drawing.text import tongue_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.view import MapView, Request, view_of

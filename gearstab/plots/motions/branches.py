@@ -13,15 +13,13 @@ from matplotlib.lines import Line2D
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import INNER, sweep_axes, units_of
-from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing import names
-from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import CASES, new_frame
+from gearstab.plots.drawing.style import CASES, new_frame, write_legend, write_title
 from gearstab.plots.drawing.text import axis_label
 from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import curve
 from gearstab.plots.motions.speeds import scale
-from gearstab.plots.view import Request, View, view_along
+from gearstab.plots.view import Request, View, caption, some, view_along
 from gearstab.results.display import SHOWN_SCALE, SPEEDS
 from gearstab.results.read import branches_of
 

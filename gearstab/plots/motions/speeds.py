@@ -1,4 +1,12 @@
-"""Response curves: measures of the steady state over the mesh frequency, unstable ranges shaded."""
+"""Response curves: measures of the steady state over the mesh frequency, unstable ranges shaded; amplitudes in dB.
+
+With ``--unit dB`` what is drawn over the speed is a level,
+
+    L = 20 lg(|F|/F_0),
+
+F_0 as ISO 1683:2015 has it: 1 uN of forces, 1 pm of displacements, 1 nm/s of velocities; 1 uN m of torques, for which
+there is none; 1 of what has no unit.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +20,54 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import INNER
-from gearstab.plots.cases import caption
+from gearstab.plots.axes import INNER, units_of
 from gearstab.plots.drawing import grid, names, tongues
-from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.levels import in_decibels, level_label, tall_enough
-from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_frame
-from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.maps import curve, doubt
-from gearstab.plots.variables import colour_label, find_variable
-from gearstab.plots.view import Request, View, view_along
+from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_frame, write_legend, write_title
+from gearstab.plots.drawing.text import bracketed
+from gearstab.plots.kinds import Contents, Kind, colour_label, find_variable
+from gearstab.plots.maps import curve, overlays
+from gearstab.plots.view import Request, View, caption, view_along
 from gearstab.results.display import SPEEDS
+
+DECIBEL = "dB"
+REFERENCES = {
+    "N": (1e-6, r"1 $\mathrm{\mu N}$"), "N m": (1e-6, r"1 $\mathrm{\mu N\,m}$"), "m": (1e-12, "1 pm"),
+    "m/s": (1e-9, "1 nm/s"), "rad": (1e-12, "1 prad"),
+}  # fmt: skip
+"""By unit: the reference value, and how it is written."""
+SPAN = 80.0
+"""dB that an axis shows at most: what lies further below the largest level is numerical noise."""
+
+
+def in_decibels(values: Array, data: xr.DataArray, request: Request) -> Array:
+    """Return values as they are, or as levels where these are asked for; NaN of 0."""
+    if not request.decibels:
+        return np.asarray(values, dtype=float)
+    with np.errstate(divide="ignore"):
+        level = 20 * np.log10(np.abs(values) / REFERENCES.get(units_of(data), (1.0, ""))[0])
+    return np.where(np.isfinite(level), level, np.nan)
+
+
+def level_label(words: str, data: xr.DataArray, request: Request) -> str:
+    """Label of an axis, with the unit, or with what a level refers to."""
+    units = units_of(data)
+    if not request.decibels:
+        return words + bracketed(units)
+    reference = REFERENCES.get(units, (1.0, "1" + (f" {units}" if units not in ("", "1") else "")))[1]
+    return f"{words} ({DECIBEL} re {reference})"
+
+
+def tall_enough(ax: Axes, values: Array, request: Request) -> None:
+    """Begin an axis of amplitudes at zero, and one of levels at most SPAN below the largest."""
+    if not request.decibels:
+        ax.set_ylim(bottom=0.0)
+        return
+    top = float(np.nanmax(values, initial=-np.inf))
+    low = float(np.nanmin(values, initial=np.inf))
+    if np.isfinite(top):
+        air = 0.06 * (min(SPAN, top - low) or 1.0)
+        ax.set_ylim(max(low - air, top - SPAN), top + air)
+
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -118,7 +163,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     handles = lines if len(cases) > 1 else []
     if bands is not None:
         handles = [*handles, Patch(facecolor=SHADE, label="unstable")]
-    write_legend(figure, [*handles, *doubt.legend_of_curves(doubted)], ax=request.ax)
+    write_legend(figure, [*handles, *overlays.legend_of_curves(doubted)], ax=request.ax)
     write_title(figure, tree, request, view)
     names.settle(figure)
     names.freeze(figure, request)

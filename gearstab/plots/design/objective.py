@@ -1,4 +1,4 @@
-"""The objective over two variables, with the optimum and its margins."""
+"""The objective of a design: over two variables, with the optimum and its margins, and after a step of each one."""
 
 from __future__ import annotations
 
@@ -11,19 +11,48 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.design.dataset import OPTIMUM, design_of, label_of, objective_label
-from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import GROWTH, LINE, new_figure
-from gearstab.plots.drawing.text import fitted
+from gearstab.plots.axes import mesh_numbers
+from gearstab.plots.drawing.style import GROWTH, LINE, new_figure, write_legend, write_title
+from gearstab.plots.drawing.text import axis_label, fitted, path_words, short_label, unit_text
 from gearstab.plots.kinds import Kind
 from gearstab.plots.view import Request
+
+NAME = "design"
+GIVEN, OPTIMUM = "#8a8a8a", "#0b6fa4"
+"""Colours of the given design and of the best one."""
+
+
+def design_of(tree: xr.DataTree) -> xr.Dataset:
+    """Return the group of a design result. Raises PlotError for other results."""
+    if NAME not in tree.children:
+        raise PlotError(f"this result holds no design; it holds {listed(tree.children)}")
+    return tree[NAME].to_dataset()
+
+
+def label_of(tree: xr.DataTree, data: xr.Dataset, variable: str) -> str:
+    """Label of the axis of a variable: its name in words, with the symbol that it has."""
+    unit = str(data["variable_units"].sel(variable=variable).values)
+    return axis_label(variable, path_words(variable), unit, mesh_numbers(tree))
+
+
+def symbol_of(tree: xr.DataTree, variable: str) -> str:
+    """The symbol of a variable, or its name."""
+    return short_label(variable, mesh_numbers(tree))
+
+
+def objective_label(data: xr.Dataset, place: int = 0) -> str:
+    """An objective with its unit."""
+    units = data["objective_optimum"].attrs.get("units", "1")
+    unit = unit_text(str(units))
+    return str(data["objective"].values[place]).replace("_", " ") + (f" ({unit})" if unit else "")
+
 
 Array = np.ndarray
 LINES = 7
 """Contour lines."""
 
 
-def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
+def draw_contour(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
     """One panel for each pair of variables, or the one of ``x`` and ``y``: ``cells``, ``optimum``, ``margins``."""
     data = design_of(tree)
     if "scan_objective" not in data:
@@ -117,4 +146,39 @@ def draw_panel(
     artists["margins"].append(bars)
 
 
-KIND = Kind("contour", "objective of a design over two variables, with the optimum and its margins", draw)
+CONTOUR = Kind("contour", "objective of a design over two variables, with the optimum and its margins", draw_contour)
+
+
+COLOURS = (GIVEN, OPTIMUM)
+WORDS = ("5 % of its bounds lower", "5 % higher")
+
+
+def draw_tornado(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
+    """Two bars for each variable, ``lower`` and ``higher``, the largest change on top."""
+    data = design_of(tree)
+    if "step_objective" not in data:
+        raise PlotError("this design has no continuous variables, of which a step could be taken")
+    known = np.flatnonzero(np.isfinite(data["step_objective"].values).any(axis=1))
+    best = float(np.ravel(data["objective_optimum"].values)[0])
+    change = data["step_objective"].values[known] - best
+    order = np.argsort(np.nanmax(np.abs(change), axis=1), kind="stable")
+    figure = new_figure(request, (0.28 + 0.11 * len(known), 0.14 + 0.06 * len(known)))
+    ax = figure.add_subplot()
+    place = np.arange(len(known), dtype=float)
+    bars = [
+        ax.barh(place + 0.19 - 0.38 * k, np.nan_to_num(change[order, k]), left=best, height=0.34, color=COLOURS[k],
+                label=WORDS[k])
+        for k in range(2)
+    ]  # fmt: skip
+    ax.axvline(best, color=LINE, linewidth=0.8)
+    names = [symbol_of(tree, str(data["variable"].values[known[k]])) for k in order]
+    texts = [str(data["optimum_text"].values[known[k]]) for k in order]
+    ax.set_yticks(place, [f"{name} = {text}" for name, text in zip(names, texts, strict=True)])
+    ax.tick_params(axis="y", which="both", length=0)
+    ax.set_xlabel(objective_label(data))
+    figure.legend(handles=bars, loc="outside lower center", ncols=2)
+    write_title(figure, tree, request)
+    return figure, {"lower": bars[0], "higher": bars[1]}
+
+
+TORNADO = Kind("tornado", "what a step of each variable of a design does to its objective", draw_tornado)
