@@ -54,6 +54,7 @@ struct damped {
 struct lyapunov {
     double part, longest, pieces, rounding, largest, least, negligible;
     int64_t bisections, doublings, unknowns;
+    double margin; /* times what bounds the second derivative by a stretching */
 };
 
 /* How much of the action of the unstable solutions at a point a root accounts for: modes p <= q and harmonic, see labels.py. */
@@ -187,9 +188,12 @@ struct level {
                     double *matrix, double *scale);
     /* The same points with the growth = ln max |lambda| of each: by which part all lengths may grow, and shrink, so that no
        multiplier crosses the unit circle, (points, 2); NaN where a multiplier is outside and m is large. weight (r, D, m,
-       m): what damping takes from the square of the length. */
-    int (*radii)(const struct damped *pattern, const double *weight, const struct lyapunov *settings, int64_t first,
-                 int64_t last, const int64_t *row, const double *cycle, const double *growth, double *radius);
+       m): what damping takes from the square of the length. slope (r, D, m, m), bend (r, D), where wanted: how generators
+       change, see lyapunov.h. equation (points, 2, m, m), where wanted: X and D of P - X^T P X = D are written, or with
+       `reads` P is taken from the place of D. */
+    int (*radii)(const struct damped *pattern, const double *weight, const struct lyapunov *settings, const double *slope,
+                 const double *bend, int64_t first, int64_t last, const int64_t *row, const double *cycle,
+                 const double *growth, double *radius, double *equation, int reads);
     /* Matrices first..last-1 of (count, m, m), of entries of about one: eigenvalues (count, m, 2), NaN where they are not
        found or a matrix is not finite. */
     int (*eigenvalues)(int64_t first, int64_t last, int64_t m, const double *matrix, double *values);

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import numpy_chain
+import numpy_lyapunov
 import pytest
 from random_trains import missed, random_train
 from scipy.linalg import expm
@@ -18,6 +19,7 @@ from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.boundaries.coverage import Coverage, complement
 from gearstab.floquet.kernel import c_points, lyapunov
 from gearstab.floquet.kernel.chain import Chain, chain
+from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.system import GearSystem
 from gearstab.systems import build
@@ -77,7 +79,7 @@ def test_the_kernel_proves_what_numpy_does(seed: int, level: str, monkeypatch: p
     logs = numpy_chain.moduli(flow, row, cycle)
     tried = np.abs(logs[:, 0]) > 1e-3
     row, cycle, growth = row[tried], cycle[tried], logs[tried, 0]
-    ours, expected = c_points.radii(flow, row, cycle, growth), lyapunov.radii(flow, row, cycle, growth)
+    ours, expected = c_points.radii(flow, row, cycle, growth), numpy_lyapunov.radii(flow, row, cycle, growth)
     # A radius is found within 2^(1/16); a pivot near 0 may pass in one and fail in the other.
     np.testing.assert_allclose(ours, expected, rtol=0.1, atol=1e-6)
     alone = [c_points.radii(flow, row[k : k + 1], cycle[k : k + 1], growth[k : k + 1])[0] for k in (0, len(row) // 2)]
@@ -86,6 +88,40 @@ def test_the_kernel_proves_what_numpy_does(seed: int, level: str, monkeypatch: p
     np.testing.assert_allclose(
         one[0] * np.exp(one[1])[:, None, None], two[0] * np.exp(two[1])[:, None, None], rtol=1e-9, atol=1e-10
     )
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("seed", range(8))
+def test_the_kernel_proves_what_numpy_does_of_speeds_that_follow(
+    seed: int, level: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GEARSTAB_SIMD", level)
+    random = np.random.default_rng(seed)
+    flow, row, cycle = points_of(*random_train(seed), 19)
+    n, m = len(flow.frequencies[0]), flow.size
+    drag = 0.05 * random.normal(size=(2, n, n))
+    by_speed = np.zeros((1, 2, m, m))
+    by_speed[0, 0, n : 2 * n, n : 2 * n] = drag[0] - drag[0].T
+    by_speed[0, 1, n : 2 * n, :n] = 0.1 * drag[1]
+    turning = Generators(flow.generator.matrix, by_speed, np.array([[[1.0, 1.0, 0.0], [0.5, 2.0, 0.01]]]))
+    flow = replace(flow, following=turning)
+    own, each = flow.at(row, cycle, slopes=True)
+    growth = numpy_chain.moduli(own, each, cycle)[:, 0]
+    ours, expected = c_points.radii(flow, row, cycle, growth), numpy_lyapunov.radii(own, each, cycle, growth)
+    assert np.count_nonzero(expected) > len(expected) / 4
+    # As above.
+    np.testing.assert_allclose(ours, expected, rtol=0.1, atol=1e-6)
+
+
+def test_of_many_coordinates_the_equation_is_solved_by_eigenvectors(monkeypatch: pytest.MonkeyPatch) -> None:
+    flow, row, cycle = points_of(train((1.37, 1.62), 0.3, 1, (0.3, 0.3), damping_ratio=0.005), 1.1, 6.5, 80)
+    growth = c_points.moduli(flow, row, cycle)[:, 0]
+    outside = growth > 1e-3
+    expected = c_points.radii(flow, row, cycle, growth)[outside]
+    monkeypatch.setattr(lyapunov, "UNKNOWNS", 0)
+    found = c_points.radii(flow, row, cycle, growth)[outside]
+    assert np.count_nonzero(expected) > 4
+    np.testing.assert_allclose(found, expected, rtol=0.1, atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -111,8 +147,8 @@ def test_the_lyapunov_function_decreases_for_all_stretchings_within_its_radius()
     stable = logs[:, 0] < 0
     row, cycle, logs = row[stable], cycle[stable], logs[stable]
     rate = -lyapunov.PART * logs[:, 0] / flow.period(cycle)
-    form = lyapunov.doubled(*lyapunov._Sweep(flow, row, flow.period(cycle), rate).equation())
-    radius = lyapunov.radii(flow, row, cycle, logs[:, 0])
+    form = numpy_lyapunov.doubled(*numpy_lyapunov.Sweep(flow, row, flow.period(cycle), rate).equation())
+    radius = numpy_lyapunov.radii(flow, row, cycle, logs[:, 0])
     inverse = flow.inverse[0, flow.states[0]]
     assert (radius > 1e-3).all(axis=1).sum() > 10
     for k in np.flatnonzero((radius > 0).all(axis=1)):

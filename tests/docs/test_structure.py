@@ -208,7 +208,7 @@ BUDGETS: dict[str, dict[str, tuple[int, int]]] = {
         "perturbation": (14, 2080),
         "plots": (16, 2160),
         "propagation": (5, 430),
-        "reference": (21, 2530),
+        "reference": (22, 2550),
         "response": (27, 4220),
         "results": (10, 1550),
         "sweep": (16, 3180),

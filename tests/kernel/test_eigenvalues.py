@@ -48,7 +48,7 @@ def test_eigenvalues_of_two_equal_blocks_that_are_just_coupled() -> None:
 @pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 6, 9, 12])
 @pytest.mark.parametrize("count", [1, 7, 17])
 def test_exponentials(size: int, count: int) -> None:
-    """Of very different sizes side by side; the last one decays by more than numbers hold."""
+    """Matrices of very different sizes side by side; the last one decays by more than numbers hold."""
     random = np.random.default_rng(size)
     matrix = random.normal(size=(count, size, size)) * 10.0 ** random.uniform(-9, 1.3, size=(count, 1, 1))
     if count > 1:

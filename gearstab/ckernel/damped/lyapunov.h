@@ -217,9 +217,17 @@ INLINE vec largest_radius(const vec *q, const vec *e, double sign, vec radius, i
     return choose(failed, low, radius);
 }
 
+/* Generators that change with the mesh frequency, in the coordinates of the states: slope (r, D, m, m) dA/d ln Omega, bend
+   (r, D) the size of the second derivative; NULL where they do not. margin: how much of that counts. */
+struct slopes {
+    const double *slope, *bend;
+    double margin;
+};
+
 /* Room for the matrices of LANES points. */
 struct lyapunov_room {
-    vec *start, *p, *x, *before, *rise, *loss, *work, *cosine, *sine;
+    vec *start, *p, *x, *before, *rise, *loss, *generator, *work, *cosine, *sine;
+    vec bent; /* margin times the second derivative of the generator of a stretched piece */
     double *system; /* of linear equations, NULL where it would be too large */
     void *memory;
 };
@@ -227,7 +235,7 @@ struct lyapunov_room {
 static int lyapunov_room_new(struct lyapunov_room *room, int64_t m, int64_t unknowns) {
     int64_t count = m * (m + 1) / 2;
     room->system = count <= unknowns ? malloc((size_t)(count * (count + 1)) * sizeof(double)) : NULL;
-    room->start = vectors(8 * m * m + 4 * m, &room->memory);
+    room->start = vectors(9 * m * m + 4 * m, &room->memory);
     if (!room->start || (count <= unknowns && !room->system))
         return -1;
     room->p = room->start + m * m;
@@ -235,7 +243,8 @@ static int lyapunov_room_new(struct lyapunov_room *room, int64_t m, int64_t unkn
     room->before = room->x + m * m;
     room->rise = room->before + m * m;
     room->loss = room->rise + m * m;
-    room->work = room->loss + m * m;          /* (2, m, m) */
+    room->generator = room->loss + m * m;
+    room->work = room->generator + m * m;     /* (2, m, m) */
     room->cosine = room->work + 2 * m * m;    /* (2, m): of a piece, and where there is one */
     room->sine = room->cosine + 2 * m;
     return 0;
@@ -244,6 +253,78 @@ static int lyapunov_room_new(struct lyapunov_room *room, int64_t m, int64_t unkn
 static void lyapunov_room_free(struct lyapunov_room *room) {
     free(room->memory);
     free(room->system);
+}
+
+/* (e^z - 1)/z of z = x + iy, times a number that it replaces. */
+static void times_mean(double x, double y, double number[2]) {
+    if (fabs(x) + fabs(y) < 1e-8)
+        return;
+    double half = sin(0.5 * y), square = x * x + y * y, a = expm1(x) * cos(y) - 2.0 * half * half, b = exp(x) * sin(y);
+    double real = (a * x + b * y) / square, imaginary = (b * x - a * y) / square;
+    double first = number[0] * real - number[1] * imaginary;
+    number[1] = number[0] * imaginary + number[1] * real;
+    number[0] = first;
+}
+
+/* a <- (a + b) times factor, b <- i (a - b) times factor: a pair of complex numbers that belong to two real ones, and the
+   other way round by the conjugate. */
+static void pair_up(double a[2], double b[2], double factor, double sign) {
+    double sum[2] = {a[0] + b[0], a[1] + b[1]}, gap[2] = {a[0] - b[0], a[1] - b[1]};
+    a[0] = factor * sum[0], a[1] = factor * sum[1];
+    b[0] = -sign * factor * gap[1], b[1] = sign * factor * gap[0];
+}
+
+/* F^-1 dF/d eta (m, m) of a piece of a length in one lane, F = exp(A t) where A changes with the mesh frequency: A t less
+   the mean of its slope, transported; and margin times the size of the derivative of that. part (m, m, 2). */
+static void stretched_lane(const struct piece *piece, int64_t m, const double *slope, double bend, double margin, int lane,
+                           struct lyapunov_room *room) {
+    const double *a = piece->decay, *b = piece->frequency, length = piece->duration[lane];
+    double *part = (double *)room->work, size = 0.0, high = a[0] * length, low = high; /* one lane's share of the room */
+#define AT(i, j) (part + 2 * ((i) * m + (j)))
+    for (int64_t i = 0; i < m * m; i++) {
+        part[2 * i] = length * slope[i], part[2 * i + 1] = 0.0;
+        size += part[2 * i] * part[2 * i];
+    }
+    for (int64_t i = 0; i < m; i++) {
+        high = fmax(high, a[i] * length), low = fmin(low, a[i] * length);
+        for (int64_t j = 0; b[i] > 0 && j < m; j++) { /* columns x, y become x + iy, x - iy */
+            double *x = AT(j, i), *y = AT(j, i + 1), turned[2] = {-y[1], y[0]};
+            y[0] = x[0] - turned[0], y[1] = x[1] - turned[1];
+            x[0] += turned[0], x[1] += turned[1];
+        }
+    }
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; b[i] > 0 && j < m; j++) { /* rows x, y become (x - iy)/2, (x + iy)/2 */
+            double *x = AT(i, j), *y = AT(i + 1, j), turned[2] = {-y[1], y[0]};
+            y[0] = 0.5 * (x[0] + turned[0]), y[1] = 0.5 * (x[1] + turned[1]);
+            x[0] -= y[0], x[1] -= y[1];
+        }
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; j < m; j++)
+            times_mean((a[j] - a[i]) * length, (b[j] - b[i]) * length, AT(i, j));
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; b[i] > 0 && j < m; j++) /* columns back */
+            pair_up(AT(j, i), AT(j, i + 1), 0.5, -1.0);
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; b[i] > 0 && j < m; j++) /* and rows */
+            pair_up(AT(i, j), AT(i + 1, j), 1.0, 1.0);
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; j < m; j++) {
+            double own = i == j ? a[i] : b[i] > 0 && j == i + 1 ? b[i] : b[i] < 0 && j == i - 1 ? b[i] : 0.0;
+            room->generator[i * m + j][lane] = own * length - *AT(i, j);
+        }
+#undef AT
+    double stretch = exp(high - low);
+    size = sqrt(size) * stretch;
+    room->bent[lane] = margin * (fabs(length) * bend * stretch + 4.0 * size + size * size);
+}
+
+/* rise = E(form) of a generator (m, m). */
+INLINE void rising_by(const vec *generator, int64_t m, const vec *form, vec *rise) {
+    multiplied(form, generator, m, rise);
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; j <= i; j++)
+            rise[i * m + j] = rise[j * m + i] = rise[i * m + j] + rise[j * m + i];
 }
 
 /* rise = E(form) of a piece. */
@@ -261,16 +342,26 @@ INLINE void rising(const struct piece *piece, int64_t m, const vec *form, vec *r
 }
 
 /* The conditions of one step, P after it and Y before. */
-INLINE void tested(const struct piece *piece, int64_t m, const struct lyapunov *settings, const struct lyapunov_room *room,
-                   vec radius[2]) {
+INLINE void tested(const struct piece *piece, int64_t m, const struct lyapunov *settings, const struct slopes *slopes,
+                   const struct lyapunov_room *room, vec radius[2]) {
     vec *loss = room->loss, noise = settings->rounding * largest_entry(room->p, m * m);
     for (int64_t i = 0; i < m * m; i++)
         loss[i] = room->p[i] - room->before[i];
     for (int64_t i = 0; i < m; i++)
         loss[i * m + i] -= noise;
     for (int part = 0; part < 2; part++) {
-        rising(piece, m, part ? room->before : room->p, room->rise);
+        const vec *form = part ? room->before : room->p;
+        vec square = all(0.0), more;
+        if (slopes->slope)
+            rising_by(room->generator, m, form, room->rise);
+        else
+            rising(piece, m, form, room->rise);
+        for (int64_t i = 0; slopes->slope && i < m * m; i++)
+            square += form[i] * form[i];
+        more = slopes->slope ? room->bent * root(square) : square;
         for (int k = 0; k < 2; k++) {
+            for (int64_t i = 0; slopes->slope && i < m; i++) /* with its sign below it is more of a rise in both directions */
+                room->rise[i * (m + 1)] += k ? -2.0 * more : more;
             vec found = largest_radius(loss, room->rise, k ? -1.0 : 1.0, radius[k], m, settings, room->work);
             radius[k] = choose(piece->there, found, radius[k]);
         }
@@ -291,7 +382,8 @@ INLINE vec pieces_of(const double *decay, int64_t m, double fraction, vec period
 /* Go backwards through a period, from p at its end. Either (radius NULL) x becomes exp(rate T) M and p the D of P - x^T P x
    = D; or p is P, and the radii are lowered to what it proves. */
 INLINE void backwards(const struct damped *pattern, const double *weight, int64_t m, int64_t r, vec period, vec rate,
-                      const struct lyapunov *settings, const struct lyapunov_room *room, vec radius[2]) {
+                      const struct lyapunov *settings, const struct slopes *slopes, struct lyapunov_room *room,
+                      vec radius[2]) {
     vec *p = room->p, *x = room->x, *cosine = room->cosine, *sine = room->sine;
     for (int64_t s = pattern->segments - 1; s >= 0 && !gearstab_stopped(); s--) {
         const int64_t state = r * pattern->states + pattern->state[s];
@@ -309,6 +401,9 @@ INLINE void backwards(const struct damped *pattern, const double *weight, int64_
             for (int64_t i = 0; i < m * m; i++)
                 x[i] = room->work[i];
         }
+        piece.duration = TURN * (part * period);
+        for (int lane = 0; radius && slopes->slope && lane < LANES; lane++)
+            stretched_lane(&piece, m, slopes->slope + state * m * m, slopes->bend[state], slopes->margin, lane, room);
         for (int64_t k = most - 1; k >= 0; k--) {
             piece.there = pieces > all((double)k);
             piece.duration = choose(piece.there, TURN * (part * period), all(0.0));
@@ -333,45 +428,65 @@ INLINE void backwards(const struct damped *pattern, const double *weight, int64_
                 for (int64_t i = 0; i < m * m; i++)
                     p[i] = room->start[i];
             if (fraction != 0.0) /* what takes no time in this row proves nothing and needs no proof */
-                tested(&piece, m, settings, room, radius);
+                tested(&piece, m, settings, slopes, room, radius);
         }
     }
 }
 
-/* The radii of LANES points of a row. */
+/* Lane by lane the matrices (2, m, m) of an equation, or its solution in the place of the second. */
+INLINE void exchanged(double *equation, int64_t m, int64_t lanes, int reads, vec *x, vec *p) {
+    for (int64_t lane = 0; lane < lanes; lane++)
+        for (int64_t i = 0; i < m * m; i++) {
+            double *own = equation + 2 * lane * m * m + i;
+            if (reads)
+                p[i][lane] = own[m * m];
+            else
+                own[0] = x[i][lane], own[m * m] = p[i][lane];
+        }
+}
+
+/* The radii of LANES points of a row. equation (lanes, 2, m, m), or NULL: what is to be solved elsewhere, or with `reads`
+   has been. */
 INLINE void radii_of(const struct damped *pattern, const double *weight, int64_t m, int64_t r, vec period, vec growth,
-                     const struct lyapunov *settings, const struct lyapunov_room *room, vec radius[2]) {
+                     const struct lyapunov *settings, const struct slopes *slopes, struct lyapunov_room *room,
+                     double *equation, int64_t lanes, int reads, vec radius[2]) {
     mask inside = growth < 0.0;
     vec rate = choose(inside, -settings->part * growth / (TURN * period), all(0.0));
     vec *p = room->p, *x = room->x, *start = room->start;
     for (int64_t i = 0; i < m * m; i++)
         p[i] = all(0.0), x[i] = all(i % (m + 1) == 0);
-    backwards(pattern, weight, m, r, period, rate, settings, room, NULL);
+    backwards(pattern, weight, m, r, period, rate, settings, slopes, room, NULL);
+    if (equation)
+        exchanged(equation, m, lanes, reads, x, p);
     for (int lane = 0; lane < LANES; lane++)
-        if (!inside[lane] && room->system)
+        if (!inside[lane] && room->system && !reads)
             solve_lane(m, lane, p, x, room->system);
     for (int64_t i = 0; i < m * m; i++) {
-        start[i] = room->system ? p[i] : all(NAN); /* of lanes outside */
+        start[i] = room->system || reads ? p[i] : all(NAN); /* of lanes outside */
         x[i] = choose(inside, x[i], all(0.0));
     }
     solve_by_doubling(m, settings, p, x, room->work);
     for (int64_t i = 0; i < m * m; i++)
         p[i] = start[i] = choose(inside, p[i], start[i]);
     radius[0] = radius[1] = all(settings->largest);
-    backwards(pattern, weight, m, r, period, rate, settings, room, radius);
+    backwards(pattern, weight, m, r, period, rate, settings, slopes, room, radius);
 }
 
-static int radii(const struct damped *pattern, const double *weight, const struct lyapunov *settings, int64_t first,
-                 int64_t last, const int64_t *row, const double *cycle, const double *growth, double *radius) {
+static int radii(const struct damped *pattern, const double *weight, const struct lyapunov *settings, const double *slope,
+                 const double *bend, int64_t first, int64_t last, const int64_t *row, const double *cycle,
+                 const double *growth, double *radius, double *equation, int reads) {
+    const struct slopes slopes = {slope, bend, settings->margin};
+    const int64_t m = pattern->m;
     struct lyapunov_room room;
-    int failed = lyapunov_room_new(&room, pattern->m, settings->unknowns);
+    int failed = lyapunov_room_new(&room, m, settings->unknowns);
     for (int64_t k = first, count; k < last && !failed && !gearstab_stopped(); k += count) {
         count = together(row, k, last);
         vec period = pattern->cycles * load_part(cycle + k, 0, count), grown = load_part(growth + k, 0, count), found[2];
-        if (pattern->m == 6) /* a quarter faster where the compiler knows it; more sizes would take long to compile */
-            radii_of(pattern, weight, 6, row[k], period, grown, settings, &room, found);
+        double *own = equation ? equation + 2 * k * m * m : NULL;
+        if (m == 6 && !slope && !own) /* a quarter faster where the compiler knows it; more sizes would take long to compile */
+            radii_of(pattern, weight, 6, row[k], period, grown, settings, &(struct slopes){0}, &room, NULL, count, 0, found);
         else
-            radii_of(pattern, weight, pattern->m, row[k], period, grown, settings, &room, found);
+            radii_of(pattern, weight, m, row[k], period, grown, settings, &slopes, &room, own, count, reads, found);
         for (int64_t lane = 0; lane < count; lane++)
             radius[2 * (k + lane)] = found[0][lane], radius[2 * (k + lane) + 1] = found[1][lane];
     }

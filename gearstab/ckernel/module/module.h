@@ -18,7 +18,7 @@ int end_call(void);
 PyObject *py_stop(PyObject *self, PyObject *arguments);
 PyObject *py_limit(PyObject *self, PyObject *arguments);
 
-enum { MOST_VIEWS = 14, MOST_REALS = 16, LETTERS = 128 };
+enum { MOST_VIEWS = 16, MOST_REALS = 16, LETTERS = 128 };
 
 /* A call: its arguments, by kind, and what its function gives back. */
 struct call {

@@ -55,14 +55,17 @@ FUNCTION(products, DAMPED ":pp[ip]<r[dp][Dpmm][Dp]") {
     return c->level->products(&p, c->first, c->last, array(c, 8), array(c, 9), array(c, 10), array(c, 11));
 }
 
-FUNCTION(radii, DAMPED "[drsmm](.......xyz):pp[ip]<r[dp][dp][Dp2]") {
+FUNCTION(radii, DAMPED "[drsmm](.......xyz.)[drsmm]?[drs]?:pp[ip]<r[dp][dp][Dp2][Dp2mm]?w") {
     struct damped p;
     struct lyapunov set = {.part = c->real[1], .longest = c->real[2], .pieces = c->real[3], .rounding = c->real[4],
-                           .largest = c->real[5], .least = c->real[6], .negligible = c->real[7],
+                           .largest = c->real[5], .least = c->real[6], .negligible = c->real[7], .margin = c->real[8],
                            .bisections = c->n['x'], .doublings = c->n['y'], .unknowns = c->n['z']};
     if (!damped(c, &p) || p.generator || !(set.longest > 0 && set.pieces >= 1 && set.pieces < 1e6))
         return UNFIT;
-    return c->level->radii(&p, array(c, 8), &set, c->first, c->last, array(c, 9), array(c, 10), array(c, 11), array(c, 12));
+    if (!wanted(c, 9) != !wanted(c, 10))
+        return UNFIT;
+    return c->level->radii(&p, array(c, 8), &set, wanted(c, 9), wanted(c, 10), c->first, c->last, array(c, 11), array(c, 12),
+                           array(c, 13), array(c, 14), wanted(c, 15), c->n['w'] != 0);
 }
 
 /* A part of the runs of points, see kernel.h. */

@@ -92,23 +92,38 @@ def chained(
 
 
 def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | None = None) -> Array:
-    """C version of :func:`gearstab.floquet.kernel.lyapunov.radii`; same arguments and result."""
+    """``(P, 2)``: by which part all periods may be longer, and shorter, and as many multipliers are outside the unit
+    circle as at the points (row, 1/Omega) ``(P,)``; 0 where nothing is proved, see :mod:`~.lyapunov`.
+
+    growth: ``(P,)``, the largest ln |lambda|.
+    """
     chain, row = chain.at(row, cycle, slopes=True)
-    if chain.slope is not None:
-        return lyapunov.radii(chain, row, cycle, growth)
-    radius = np.empty((len(row), 2))
-    given = (*_of_chain(chain), contiguous(chain.weight), lyapunov.settings(chain))
-    where = (whole_numbers(row), contiguous(cycle), contiguous(growth))
+    radius, m = np.zeros((len(row), 2)), chain.size
+    slopes = (np.empty(0), np.empty(0)) if chain.slope is None or chain.bend is None else (chain.slope, chain.bend)
+    given = (*_of_chain(chain), contiguous(chain.weight), lyapunov.settings(chain), *map(contiguous, slopes))
 
-    def part(first: int, last: int) -> None:
-        ckernel.library.radii(ckernel.simd(), *given, first, last, len(row), *where, radius)
+    def proved(which: Array, equation: Array, reads: bool) -> Array:
+        found = np.empty((len(which), 2))
+        where = (whole_numbers(row[which]), contiguous(cycle[which]), contiguous(growth[which]))
 
-    # Roughly: it decides only from how many points on threads pay.
-    in_threads(part, len(row), 10.0 * len(chain.states) * chain.size**3, limit)
-    left = np.flatnonzero(np.isnan(radius).any(axis=1) | ~chain.sound[row])
+        def part(first: int, last: int) -> None:
+            of_points = first, last, len(which)
+            ckernel.library.radii(ckernel.simd(), *given, *of_points, *where, found, equation, int(reads))
+
+        # Roughly: it decides only from how many points on threads pay.
+        in_threads(part, len(which), 10.0 * len(chain.states) * m**3, limit)
+        return found
+
+    by_vectors = chain.sound[row] & (growth >= 0) & lyapunov.too_many(m)
+    plain, left = np.flatnonzero(chain.sound[row] & ~by_vectors), np.flatnonzero(by_vectors)
+    radius[plain] = proved(plain, np.empty(0), False)
     if len(left):
-        radius[left] = lyapunov.radii(chain, row[left], cycle[left], growth[left])
-    return radius
+        equation = np.empty((len(left), 2, m, m))
+        proved(left, equation, False)
+        with np.errstate(all="ignore"):
+            equation[:, 1] = lyapunov.stein(equation[:, 0], equation[:, 1])
+        radius[left] = proved(left, equation, True)
+    return np.nan_to_num(radius)
 
 
 def _scattered(cycles: float, fractions: Array, states: Array, generator: Generators) -> tuple[Any, ...]:

@@ -8,7 +8,8 @@ from mpmath import mp
 from systems import train
 
 from gearstab.floquet import solve
-from gearstab.floquet.required_damping import FLAGS, required_damping
+from gearstab.floquet.required_damping import FLAGS, growth, required_damping
+from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes, modal_damping_matrix
 from gearstab.perturbation import first_order
@@ -182,6 +183,24 @@ def test_smooth_and_mixed_waves():
             # The interval halved 14 times.
             assert found.value[row, k] == pytest.approx(bisected(stable, 0.0, 0.2, 14), abs=2e-5)
     np.testing.assert_array_equal(found.value[:, 2], 0.0)
+
+
+def test_as_many_steps_as_the_growth_needs(monkeypatch):
+    """Long periods of smooth waves: three doublings, of which two would leave more than the bound."""
+    system, level = train(0.3), 0.002
+    wave = Fourier(np.array([0.5, 0.1]), np.array([0.0, 0.1]))
+    smooth = replace(system, meshes=tuple(replace(mesh, waveform=wave) for mesh in system.meshes))
+    omega = np.array([[0.03, 0.05]])
+    expected = solve(with_ratio(smooth, level), omega[0], tolerance=1e-12).growth_rate * 2 * np.pi / omega
+    found = {}
+    for doublings in (2, 3, growth.MOST_DOUBLINGS):
+        monkeypatch.setattr(growth, "MOST_DOUBLINGS", doublings)
+        (part,) = growth.growths(smooth, "damping_ratio", omega, level)
+        found[doublings] = part.at_level(level)
+    # A bound of rounding errors is subtracted.
+    errors = {doublings: np.abs(own + DAMPED_ON_CIRCLE - expected).max() for doublings, own in found.items()}
+    assert errors[3] < growth.RESOLVED < errors[2]
+    np.testing.assert_array_equal(found[growth.MOST_DOUBLINGS], found[3])
 
 
 def test_integer_contact_ratio_needs_none():

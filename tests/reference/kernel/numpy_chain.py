@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy_lyapunov import exponential
 from scipy.linalg import expm
 
 from gearstab.floquet.kernel.chain import Chain
-from gearstab.floquet.kernel.lyapunov import exponential
 
 Array = np.ndarray
 
