@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gearstab.info.tables import label_text, meshes_text, table
 from gearstab.perturbation.tongues import SELF_EXCITED
-from gearstab.support import ANY_LINEAR, WHIRLING, unsupported, whirls
+from gearstab.support import ANY_LINEAR, WHIRLING, unsupported
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -66,15 +66,15 @@ def judged(config: Config, system: GearSystem, low: float, high: float, harmonic
     from gearstab.perturbation.ranking import rank
 
     found = rank(system, low, high, harmonics, MOST, MOST)
-    whirling, width = whirls(system), high - low
-    step = None if whirling else planets_step(system)
+    width, step = high - low, planets_step(system) if found.real_modes else None
     decided = _decided(system, found, low, high) if verified.decidable(system) else None
     if decided is None:
         opened, closest, looked = [_region(config, system, r, width, step) for r in found.open], found.closest, None
         count = found.opened
     else:
         rows, closest, looked = decided
-        tried = 0 if whirling else MOST if verified.effort(system) <= verified.CHEAP else verified.FEW
+        tried = MOST if verified.effort(system) <= verified.CHEAP else verified.FEW
+        tried = tried if found.real_modes else 0
         opened = [_open(config, system, *row, (low, high), step, k < tried) for k, row in enumerate(rows[:MOST])]
         count = max(found.opened - len(found.open), 0) + len(rows)
     return {
@@ -82,8 +82,8 @@ def judged(config: Config, system: GearSystem, low: float, high: float, harmonic
         "verified": decided is not None,
         "scanned": 0 if looked is None else len(looked.omega),
         "unstable_share": None if looked is None else float(looked.unstable.mean()),
-        "not_judged": [] if whirling else _not_judged(system),
-        "without_remedies": whirling,
+        "not_judged": _not_judged(system) if found.real_modes else [],
+        "without_remedies": not found.real_modes,
         "open": opened,
         "closest": [_region(config, system, region, width, step) for region in closest[:NEAREST]],
         "number_open": count,
@@ -105,13 +105,10 @@ def _decided(
     rows: list[tuple[OpenRegion, Tongue, Resonance | None]] = []
     closed: list[RankedRegion] = []
     # Where the mean system grows by itself, no tongue is what makes a speed dangerous.
-    whirling = whirls(system)
-    alone = not whirling and bool(mean_motions(system).unstable.any())
+    alone = found.real_modes and bool(mean_motions(system).unstable.any())
     for region in () if alone else (*found.open, *found.closest):
-        root = region.center if whirling else None
-        near = verified.whole_regions(
-            system, region.tongue, *verified.window(system, region.tongue, region.half_width, root)
-        )
+        window = verified.window(system, region.tongue, region.half_width, region.root)
+        near = verified.whole_regions(system, region.tongue, *window)
         if near is None:
             return None
         own = [item for item in near if any(verified.same(t, region.tongue) for t in item.tongues)]

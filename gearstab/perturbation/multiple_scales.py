@@ -74,8 +74,8 @@ def first_order(
     and at its end modes that grow by themselves.
 
     With matrices that act with a speed of rotation, or damping that is not symmetric, motions are no real modes, and
-    :mod:`gearstab.perturbation.whirling` takes their place: modes are numbered by ascending frequency at the root of
-    each tongue, which are damped frequencies, and no damping is taken as small.
+    :mod:`gearstab.perturbation.whirling.rows` takes their place: modes are numbered by ascending frequency at the root
+    of each tongue, which are damped frequencies, and no damping is taken as small.
 
     A group of equal frequencies has one tongue, independent of the basis chosen for its modes: the first pair of its
     modes carries it, the other members are NaN. Groups may differ from row to row.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +25,8 @@ class RankedRegion:
 
     Where one mode of two is undamped first order has no ends: then they are those without damping, and ``endless``.
     threshold: factor on every epsilon at which it opens, 0 without damping. center, half_width: without damping, where
-    its motions are real modes. amplitudes: in its middle, of real modes; None of others.
+    its motions are real modes. root: that of motions which are none; amplitudes: in its middle, of real modes; each
+    None of the others.
     """
 
     tongue: Tongue
@@ -37,6 +37,7 @@ class RankedRegion:
     threshold: float
     center: float
     half_width: float
+    root: float | None
     amplitudes: Resonance | None
 
 
@@ -46,7 +47,8 @@ class Ranking:
 
     open: those that are open in the range, the widest there first; closest: those centred in the range that damping
     closes, the next to open first. opened, closed, quiet: how many tongues meet the range and are open, are centred in
-    it and closed by damping, or not excited. harmonics: how many were looked at.
+    it and closed by damping, or not excited. harmonics: how many were looked at. real_modes: whether motions are real
+    modes, by which rules and remedies go.
     """
 
     open: tuple[RankedRegion, ...]
@@ -55,6 +57,7 @@ class Ranking:
     closed: int
     quiet: int
     harmonics: int
+    real_modes: bool
 
 
 def rank(system: GearSystem, low: float, high: float, harmonics: int, most: int = 12, nearest: int = 3) -> Ranking:
@@ -62,17 +65,17 @@ def rank(system: GearSystem, low: float, high: float, harmonics: int, most: int 
 
     harmonics: at least; more are looked at as far as MOST_TONGUES allows. most, nearest: lengths of the two lists.
     """
-    system, whirling = replace(system, terms=()), whirls(system)
+    whirling, system = whirls(system), replace(system, terms=())
+    modal = None if whirling else modal_rows(system)
     modes = list(range(1, system.size + 1)) if whirling else _excited(system)
     pairs = max(len(modes) * (len(modes) + 1) // 2 * len(set(system.frequency_ratios)), 1)
     harmonics = max(harmonics, min(HIGHEST, (MOST_WHIRLING if whirling else MOST_TONGUES) // pairs))
     found = first_order(system, harmonics, modes)
-    lower, upper, endless = _ends(system, found, harmonics, modes)
+    lower, upper, endless = _ends(system, found, harmonics)
     inside = np.clip(np.minimum(upper, high) - np.maximum(lower, low), 0.0, None)
     centred = (found.center_frequency >= low) & (found.center_frequency <= high)
     inside = np.nan_to_num(inside)
     closed = centred & (found.half_width == 0) & (found.threshold > 0) & np.isfinite(found.threshold)
-    modal = None if whirling else modal_rows(system)
 
     def region(k: int) -> RankedRegion:
         own = None if modal is None else resonance(system, found.index[k], modal)
@@ -82,7 +85,7 @@ def rank(system: GearSystem, low: float, high: float, harmonics: int, most: int 
             center, half = sum(own.frequencies) / ratio, strength(own.coupling) / ratio
         return RankedRegion(
             found.index[k], float(lower[k]), float(upper[k]), float(inside[k]), bool(endless[k]),
-            float(found.threshold[k]), center, half, own,
+            float(found.threshold[k]), center, half, center if whirling else None, own,
         )  # fmt: skip
 
     def regions(order: Array, count: int) -> tuple[RankedRegion, ...]:
@@ -93,6 +96,7 @@ def rank(system: GearSystem, low: float, high: float, harmonics: int, most: int 
         regions(opened[np.argsort(-inside[opened], kind="stable")], most),
         regions(shut[np.argsort(found.threshold[shut], kind="stable")], nearest),
         len(opened), len(shut), int(np.count_nonzero(centred & (inside == 0))) - len(shut), harmonics,
+        not whirling,
     )  # fmt: skip
 
 
@@ -103,11 +107,14 @@ def _excited(system: GearSystem) -> list[int]:
     return [int(p) + 1 for p in np.flatnonzero(deflects)]
 
 
-def _ends(system: GearSystem, found: Tongues, harmonics: int, modes: Sequence[int]) -> tuple[Array, Array, Array]:
+def _ends(system: GearSystem, found: Tongues, harmonics: int) -> tuple[Array, Array, Array]:
     """Lower and upper ends, those without damping where damping leaves none, and where that is."""
     endless = np.isinf(found.half_width)
-    lower, upper = np.moveaxis(found.boundary_frequency, 1, 0)
-    if endless.any():
-        free = first_order(replace(system, damping=None), harmonics, modes).boundary_frequency
-        lower, upper = (np.where(endless, free[:, side], end) for side, end in ((0, lower), (1, upper)))
-    return lower, upper, endless
+    ends = found.boundary_frequency.copy()
+    rooted = np.flatnonzero(endless & np.isfinite(found.center_frequency))
+    if len(rooted):
+        modes = sorted({mode for k in rooted for mode in (found.index[k].mode_p, found.index[k].mode_q)})
+        free = first_order(replace(system, damping=None), harmonics, modes)
+        known = dict(zip(free.index, free.boundary_frequency, strict=True))
+        ends[rooted] = [known.get(found.index[k], ends[k]) for k in rooted]
+    return ends[:, 0], ends[:, 1], endless

@@ -19,7 +19,8 @@ from gearstab.floquet import solve
 from gearstab.mesh import Mesh
 from gearstab.methods import METHODS, OptionError
 from gearstab.perturbation import first_order
-from gearstab.perturbation.whirling import _resonance, whirling_rows
+from gearstab.perturbation.whirling import whirling_rows
+from gearstab.perturbation.whirling.pairing import resonance_of
 from gearstab.rotation import Rotation
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
@@ -238,7 +239,7 @@ def test_a_motion_that_grows_by_itself_has_no_boundary() -> None:
 def test_nothing_is_left_of_a_product_that_is_rounding() -> None:
     none, one = np.zeros((1, 1)), np.ones((1, 1))
     free = np.zeros(1, dtype=complex)
-    assert _resonance(none, none, one, one, free, free, True) == (0.0, 0.0, np.inf)
+    assert resonance_of(none, none, one, one, free, free, True) == (0.0, 0.0, np.inf)
 
 
 def test_second_order_says_what_it_does_not_take() -> None:

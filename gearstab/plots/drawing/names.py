@@ -52,6 +52,11 @@ class NamedTongues:
     leaders: tuple[Line2D, ...] = ()
     inner: tuple[Line2D, ...] = ()
 
+    def remove(self) -> None:
+        """Take all of them off the figure."""
+        for artist in (*self.texts, *self.leaders, *self.inner):
+            artist.remove()
+
 
 def anchors(tongues: DrawnTongues, low: float, high: float, logarithmic: bool = False) -> tuple[Array, Array, Array]:
     """Where each tongue meets the end of its parameter axis.

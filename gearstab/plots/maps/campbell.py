@@ -46,8 +46,8 @@ MOST_CLOSED = 60
 SIZES = (2.2, 4.0)
 """Size of a mark, in points: for a line, and for a region from WIDE of the frame on."""
 WIDE = 0.03
-ALIKE = 1e-6
-"""Natural frequencies closer than this part of the frame have one name."""
+TOGETHER = 1e-6, 0.005, 0.01, 0.02, 0.04
+"""Natural frequencies closer than this part of the frame have one name: the first with which all names find room."""
 KILOHERTZ = 2000.0
 """Frames that reach this frequency, Hz, are drawn in kHz."""
 NAMED = 12
@@ -308,14 +308,27 @@ def spot(sort: str, faint: bool, words: str) -> Line2D:
 
 
 def name_modes(ax: Axes, panel: Panel, unit: float) -> names.NamedTongues:
-    """Name natural frequencies beside the frame, by their numbers where it begins."""
+    """Name natural frequencies beside the frame, neighbours together where there is no room for each."""
     top = ax.get_ylim()[1]
     last = panel.modes[-1, panel.branches[-1]] / unit
     shown = [k for k in np.argsort(last, kind="stable") if 0 < last[k] <= top]
-    alike = np.split(shown, np.flatnonzero(np.diff(last[shown]) > ALIKE * top) + 1) if shown else []
-    words = [rf"$\omega_{{{','.join(str(k + 1) for k in sorted(group))}}}$" for group in alike]
-    middle = np.array([last[group].mean() for group in alike])
-    return names.name_places(ax, words, middle / top, -middle, False)
+    for near in TOGETHER:
+        alike = np.split(shown, np.flatnonzero(np.diff(last[shown]) > near * top) + 1) if shown else []
+        words = [rf"$\omega_{{{numbers_of(group)}}}$" for group in alike]
+        middle = np.array([last[group].mean() for group in alike])
+        found = names.name_places(ax, words, middle / top, -middle, False)
+        if len(found.texts) == len(words) or near == TOGETHER[-1]:
+            break
+        found.remove()
+    return found
+
+
+def numbers_of(group: Array) -> str:
+    """Write the numbers, from 1, of modes from 0: ``3``, ``3,4``, or ``3-7`` of more in a row."""
+    own = sorted(int(k) + 1 for k in group)
+    if len(own) > 2 and own[-1] - own[0] == len(own) - 1:
+        return f"{own[0]}\N{EN DASH}{own[-1]}"
+    return ",".join(map(str, own))
 
 
 def name_regions(ax: Axes, panel: Panel, rows: int) -> names.NamedTongues | None:
@@ -350,7 +363,8 @@ def legend_handles(panels: list[Panel], drawn: list[Artists]) -> list[Any]:
                 words += rf", $\Omega_{{{number}}}$"
             colour = order_colour(n, len(ratios)) if over_speed else GREY
             handles.append(Line2D([], [], color=colour, linewidth=0.6, label=words))
-        handles.append(Line2D([], [], color=FAINT, linewidth=0.6, linestyle=(0, (4, 2)), label="half orders"))
+        colour = colour if len(ratios) == 1 else FAINT
+        handles.append(Line2D([], [], color=colour, linewidth=0.6, linestyle=(0, (4, 2)), label="half orders"))
     for sort, words in (("one", "instability of one mode"), ("two", "instability of two modes")):
         if any(sort in artists["regions"] for artists in drawn):
             handles.append(spot(sort, False, words))

@@ -261,3 +261,19 @@ def test_natural_frequencies_that_follow_the_speed() -> None:
     spans = [path.get_extents().intervalx for path in panel["bands"].get_paths()]
     speeds = np.linspace(1.0, 6.0, 101)
     np.testing.assert_array_equal([any(a < w < b for a, b in spans) for w in speeds], unstable)
+
+
+def test_every_mode_below_the_top_is_named_once() -> None:
+    """Thirty masses in a row, of which many frequencies lie side by side: neighbours share a name."""
+    count = 30
+    masses = (np.eye(count) * 2 - np.eye(count, k=1) - np.eye(count, k=-1)).tolist()
+    mesh = f"{{direction: {[1.0] + [0.0] * (count - 1)}, mean_stiffness: 0.1, epsilon: 0.1, contact_ratio: 1.5}}"
+    system = f"system: {{kind: matrices, mass: {np.eye(count).tolist()}, stiffness: {masses}, meshes: [{mesh}]}}\n"
+    tree = swept("mesh_frequency: {start: 0.5, stop: 4, num: 5}", "natural_frequencies: {}", system)
+    _, artists = draw(tree, "campbell")
+    numbers: list[int] = []
+    for text in artists["panels"][0]["mode_names"].texts:
+        for part in text.get_text().strip("$").removeprefix(r"\omega_{").rstrip("}").split(","):
+            first, _, last = part.partition("\N{EN DASH}")
+            numbers += range(int(first), int(last or first) + 1)
+    assert sorted(numbers) == list(range(1, count + 1))
