@@ -11,7 +11,7 @@ from gearstab.certificates.lyapunov import decays
 from gearstab.certificates.verifier import CARRIED, COUNTED, Certificate, Flow, proves
 
 MANY, LONG = 10, 100
-"""States and segments up to which Theorem 3 is cheaper; beyond so many segments Theorem 4 is cheaper than 1."""
+"""States and segments up to which Theorem 3 is cheaper."""
 
 
 def counter(flow: Flow) -> Counter | None:
