@@ -89,7 +89,7 @@ FORGERIES = (
 
 @pytest.mark.parametrize("number", range(49))
 def test_a_forged_form_proves_nothing(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the form P is made of is free: a wrong one must not prove anything."""
+    """P is free to choose, but a wrong one must not prove anything."""
     random, kind = np.random.default_rng(number), FORGERIES[number % 7]
     known = flow(meissner(0.3, 0.02))
     low = float(random.choice([1.25, 2.3, 2.5, 2.6]))
