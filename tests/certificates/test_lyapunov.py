@@ -159,5 +159,5 @@ def test_a_part_of_a_gearbox_of_33_coordinates_is_proved(monkeypatch: pytest.Mon
 
 @pytest.mark.slow
 def test_a_gearbox_of_33_coordinates_is_proved_over_a_tenth_of_its_range() -> None:
-    """From 880 to 8796 rad/s, in one piece; two minutes of processor time."""
+    """A tenth of 880 to 8796 rad/s, in one piece; two minutes of processor time."""
     assert decays(flow(segments(build(load(GEARBOX).system))[0]), 5000.0, 5792.0)
