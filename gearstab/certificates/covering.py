@@ -12,7 +12,7 @@ from gearstab.certificates.counting import Counter
 from gearstab.certificates.equations import flow
 from gearstab.certificates.lyapunov import decays
 from gearstab.certificates.making import Maker
-from gearstab.certificates.proof import LONG, counter
+from gearstab.certificates.proof import counter
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import gaps
 from gearstab.certificates.verifier import CARRIED, COUNTED, Array, Certificate, Flow, proves
@@ -26,6 +26,8 @@ MOST = 1e-4
 """The largest, also where no edges share LEFT: shorter pieces are tried before a part is left."""
 NARROW = 0.05
 """Part of an interval that is given up at each of its ends, at most."""
+PHASE = 1500
+"""States times segments beyond which Theorem 4 is cheaper than Theorem 1."""
 SHORTEST = 0.1
 """A piece of Theorem 4 is not halved further, as part of the width that is given up at an edge."""
 BESIDE = 0.1
@@ -69,7 +71,7 @@ def _of_row(known: Flow, ends: Array) -> list[Certificate]:
         counted = [] if counting is None else _without_coordinates(counting, low, high, least)
         left = gaps(np.array([(piece.low, piece.high) for piece in counted]).reshape(-1, 2), low, high)
         left = left[left[:, 1] > left[:, 0] * (1 + least)]
-        if len(left) and known.form is None and len(known.states) > LONG:
+        if len(left) and known.form is None and known.generators[0].nrows() * len(known.states) > PHASE:
             counted += _decaying(known, left, least)
             left = gaps(np.array([(piece.low, piece.high) for piece in counted]).reshape(-1, 2), low, high)
             left = left[left[:, 1] > left[:, 0] * (1 + least)]

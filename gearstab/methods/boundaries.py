@@ -59,7 +59,7 @@ class BoundaryAnalysis(TongueMethod, Restricted):
         if not self.options.certificate:
             return super().constants()
         from gearstab.certificates.covering import states
-        from gearstab.certificates.stored import entries
+        from gearstab.certificates.proof import entries
 
         return {**super().constants(), "entry": entries(states(self.system))}
 
@@ -85,8 +85,8 @@ class BoundaryAnalysis(TongueMethod, Restricted):
     def _certified(self, found: Boundaries, arranged: Array) -> dict[str, Array]:
         """The variables of certificates."""
         from gearstab.certificates.covering import certificates, states
+        from gearstab.certificates.proof import packed
         from gearstab.certificates.shares import around_edges, union_length
-        from gearstab.certificates.stored import packed
 
         m, (start, stop) = states(self.system), found.limits
         edges = [found.edges_of(row) for row in range(found.rows)]

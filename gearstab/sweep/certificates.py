@@ -18,10 +18,9 @@ import numpy as np
 
 from gearstab.certificates.equations import Segments, flow
 from gearstab.certificates.making import Maker
-from gearstab.certificates.proof import Proof
+from gearstab.certificates.proof import Proof, unpacked
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import union_length
-from gearstab.certificates.stored import unpacked
 from gearstab.certificates.verifier import Certificate
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.document.yaml import parse

@@ -15,7 +15,7 @@ from scenes import TRAIN, ran, result_of, written
 pytest.importorskip("flint")
 
 from gearstab.certificates.segments import segments
-from gearstab.certificates.verifier import COUNTED
+from gearstab.certificates.verifier import CARRIED, COUNTED
 from gearstab.cli.report.facts import curve_speeds, state_of
 from gearstab.config import load
 from gearstab.design.problem import Span
@@ -189,6 +189,29 @@ def test_points_of_a_grid_are_marked_and_proved_again(tmp_path: Path) -> None:
     done = ran("verify", tmp_path / "case.h5")
     assert done.exit_code == 1
     assert "epsilon 0.3: not proved stable from 2.7 to 2.7" in done.stderr
+
+
+LONG = CASE.replace("0.01\n", "0.02\n").replace("tooth_ratio: 1\n", 'tooth_ratio: "97/101"\n')
+LONG = LONG.replace("[2.2, 2.9]", "[2.735, 2.741]").replace("[0.1, 0.3]", "[0.3]")
+"""Some 400 segments; an edge at 2.7425."""
+
+
+def test_a_long_period_is_proved_by_a_form_that_is_carried_along(tmp_path: Path) -> None:
+    found = result_of(tmp_path, LONG, "boundaries")
+    numbers = found["certificate"].values[:, 0]
+    assert (numbers[:, 0] == 0).all()
+    assert (numbers[:, 1] == CARRIED).all()
+    assert found["certified_share"] > 0.999
+    assert ran("verify", tmp_path / "case.h5").exit_code == 0
+    # What reaches over the edge by a thousandth is refused, and what ends nowhere.
+    with h5py.File(tmp_path / "case.h5", "r+") as file:
+        file["boundaries/certificate_frequency"][-1, 1, 0] *= 1 + 1e-3
+    done = ran("verify", tmp_path / "case.h5")
+    assert done.exit_code == 1
+    assert f"{len(numbers) - 1} of {len(numbers)} certificates proved" in done.stdout
+    with h5py.File(tmp_path / "case.h5", "r+") as file:
+        file["boundaries/certificate_frequency"][-1, 1, 0] = np.nan
+    assert ran("verify", tmp_path / "case.h5").exit_code == 1
 
 
 def test_a_file_that_is_cut_short_is_refused(copied: Path) -> None:

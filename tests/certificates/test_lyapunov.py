@@ -89,7 +89,7 @@ FORGERIES = (
 
 @pytest.mark.parametrize("number", range(49))
 def test_a_forged_form_proves_nothing(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the form P is made of is free: a wrong one must not prove anything."""
+    """P is free to choose, but a wrong one must not prove anything."""
     random, kind = np.random.default_rng(number), FORGERIES[number % 7]
     known = flow(meissner(0.3, 0.02))
     low = float(random.choice([1.25, 2.3, 2.5, 2.6]))
@@ -159,8 +159,5 @@ def test_a_part_of_a_gearbox_of_33_coordinates_is_proved(monkeypatch: pytest.Mon
 
 @pytest.mark.slow
 def test_a_gearbox_of_33_coordinates_is_proved_over_a_tenth_of_its_range() -> None:
-    """From 5000 to 5800 rad/s; six minutes."""
-    known = flow(segments(build(load(GEARBOX).system))[0])
-    middle = 5383.0
-    assert decays(known, 5000.0, middle)
-    assert decays(known, middle, 5792.0)
+    """A tenth of 880 to 8796 rad/s, in one piece; two minutes of processor time."""
+    assert decays(flow(segments(build(load(GEARBOX).system))[0]), 5000.0, 5792.0)

@@ -158,7 +158,7 @@ BUDGETS: dict[str, dict[str, tuple[int, int]]] = {
         ".": (17, 1070),
         "api": (5, 225),
         "bench": (10, 680),
-        "certificates": (15, 1060),
+        "certificates": (14, 1060),
         "ckernel": (2, 120),
         "cli": (30, 2110),
         "config": (32, 4400),
