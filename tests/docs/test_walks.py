@@ -1,7 +1,5 @@
 """Every walk of the page, from an empty folder: its files are saved, its commands run, its results are there."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import shlex
