@@ -1,7 +1,5 @@
 """``import gearstab`` is cheap, and its functions keep their names beside the rooms of the package."""
 
-from __future__ import annotations
-
 import inspect
 import subprocess
 import sys

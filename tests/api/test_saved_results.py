@@ -1,7 +1,5 @@
 """Results in memory hold every variable, and those saved are as good as the files of the commands."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Systems from Python: arrays for any parameter are as many systems, and each theory gives what a sweep gives."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 

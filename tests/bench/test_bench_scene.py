@@ -1,7 +1,5 @@
 """Scenes of the benchmark: systems without their rigid-body modes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

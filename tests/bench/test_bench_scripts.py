@@ -1,7 +1,5 @@
 """The benchmarks of scripts/bench: all can be started, ways take turns, a name that is none is one line."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from importlib import import_module

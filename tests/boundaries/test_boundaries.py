@@ -1,7 +1,5 @@
 """Edges of all instability regions of conservative systems."""
 
-from __future__ import annotations
-
 import json
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """The compiled search against halving by counts: regions, edges, names."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import krein_search

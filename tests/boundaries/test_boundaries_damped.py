@@ -1,7 +1,5 @@
 """Edges of instability regions of damped systems."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """The counts that no tongue can hide from, against constructions that know nothing of them."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

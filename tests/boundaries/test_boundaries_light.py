@@ -4,8 +4,6 @@ Rasters come from products of exponentials and LAPACK; they look at extrema of t
 the same system without damping, which another search counts. The search itself pursues meetings of multipliers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 

@@ -6,8 +6,6 @@ minima on a raster are refined by golden section and their flags compared. The d
 square of the width, so that rounding hides tongues below some 1e-6: those are settled in forty digits elsewhere.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy_kernel
 import pytest

@@ -1,7 +1,5 @@
 """Edges of instability regions of systems with periodic terms besides the mesh stiffness."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

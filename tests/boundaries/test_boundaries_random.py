@@ -6,8 +6,6 @@ and eigenvalues of LAPACK, on rasters of twice as many points until no new unsta
 counts passages of multipliers and uses nothing of this.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ edges.json: three systems, all intervals, by bisection on products of exponentia
 (mpmath) on both sides. tongues.json: widths at small epsilon by bisection.
 """
 
-from __future__ import annotations
-
 import json
 from copy import deepcopy
 from dataclasses import replace

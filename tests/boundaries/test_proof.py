@@ -1,7 +1,5 @@
 """Lyapunov functions with a radius, and what they prove of damped systems."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Regions of a batch arranged over tongues and rows: occurrences, flags, and where a merged region stands."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Exponents of a free geared shaft line of finite elements whose damping follows the stiffness."""
 
-from __future__ import annotations
-
 import resource
 import time
 from collections.abc import Iterator

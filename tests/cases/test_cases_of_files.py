@@ -1,7 +1,5 @@
 """Cases whose stiffness or matrices lie in a file: units and names of a header, matrices of bearings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

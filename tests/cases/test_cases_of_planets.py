@@ -1,7 +1,5 @@
 """Planetary stages of a public 5 MW gearbox, phases as fractions, and what is not modelled."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 from typing import Any

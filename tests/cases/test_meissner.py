@@ -3,8 +3,6 @@
 The monodromy matrix has half the trace cosh(T/2) cos(T/2) in T = 2 pi/Omega.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

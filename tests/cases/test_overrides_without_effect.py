@@ -1,7 +1,5 @@
 """An override of a parameter that the sweep sets anyway is said in one line."""
 
-from __future__ import annotations
-
 import pytest
 from scenes import ROOT, ran
 

@@ -1,7 +1,5 @@
 """Regions of systems with next to no damping and periodic terms, from configurations: none missed, none too wide."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

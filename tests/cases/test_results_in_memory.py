@@ -1,7 +1,5 @@
 """Results held in memory, written by other programs, or with nothing in them."""
 
-from __future__ import annotations
-
 import runpy
 from pathlib import Path
 

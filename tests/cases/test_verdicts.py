@@ -1,7 +1,5 @@
 """``gearstab info`` and ``report``: verdicts on configurations that first order, or the symmetric mean, gets wrong."""
 
-from __future__ import annotations
-
 import json
 import re
 from html import unescape

@@ -1,7 +1,5 @@
 """Multipliers counted in balls: as many as in floating point, up to edges known in closed form, and no false claim."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from inspect import getsource

@@ -1,7 +1,5 @@
 """An error that users meet is one class: its text is printed, a line and no traceback, and its code is returned."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """``gearstab info``: what it prints, as a user sees it."""
 
-from __future__ import annotations
-
 import copy
 import json
 import re
@@ -13,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 from numpy.testing import assert_allclose
-from scenes import CONFIGS, CONFIGURATIONS, DATA, ran
+from scenes import CONFIGS, CONFIGURATIONS, DATA, ran, written
 from tongues import train
 
 from gearstab.config import Config, load
@@ -147,8 +145,7 @@ def test_rigid_modes_are_said(fig3: Path) -> None:
 
 
 def test_equal_frequencies_and_decoupled_modes_are_said(tmp_path: Path) -> None:
-    path = tmp_path / "twins.yaml"
-    path.write_text(TWINS)
+    path = written(tmp_path, TWINS, "twins.yaml")
     assert facts(path)["equal_frequencies"] == []
     # Meshes to the ground: three oscillators, of which the outer two are alike and the first meets no mesh.
     text = TWINS.replace("[1, -1, 0]", "[0, 1, 0]").replace("[1, 0, -1]", "[0, 0, 1]")
@@ -165,8 +162,7 @@ def test_equal_frequencies_and_decoupled_modes_are_said(tmp_path: Path) -> None:
 
 
 def test_a_mistake_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
-    path = tmp_path / "twins.yaml"
-    path.write_text(TWINS.replace("contact_ratio: 1.4}", "contact_ratoi: 1.4}"))
+    path = written(tmp_path, TWINS.replace("contact_ratio: 1.4}", "contact_ratoi: 1.4}"), "twins.yaml")
     result = info(path)
     assert result.exit_code == 2
     assert result.stdout == ""

@@ -1,7 +1,5 @@
 """Speeds of rotation in ``gearstab info``: natural frequencies at both ends of the range, self-excitation."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Outcome of a sweep for machines: ``--json``, ``--fail-if``, ``info RESULT --json``, and ``gearstab diff``."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Many configurations at once, quiet commands, names of outputs, bytes that a date does not change."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

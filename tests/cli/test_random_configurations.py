@@ -1,7 +1,5 @@
 """Every command on random configurations: no warning of NumPy (they are errors here), no traceback, an answer."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,14 +1,12 @@
 """``gearstab respond``: from a configuration to a result file with time histories."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from click.testing import Result
-from scenes import ran
+from scenes import ran, written
 
 from gearstab.config import load
 from gearstab.floquet import solve
@@ -35,9 +33,7 @@ respond:
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
-    path = tmp_path / "train.yaml"
-    path.write_text(CONFIG)
-    return path
+    return written(tmp_path, CONFIG, "train.yaml")
 
 
 def call(*arguments: str | Path) -> Result:

@@ -1,13 +1,11 @@
 """Run-ups on the command line: what is read, written and drawn."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import Result
-from scenes import ran
+from scenes import ran, written
 
 from gearstab.plots import default_kind, draw
 from gearstab.plots.view import Request
@@ -32,9 +30,7 @@ respond:
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
-    path = tmp_path / "pair.yaml"
-    path.write_text(CONFIG)
-    return path
+    return written(tmp_path, CONFIG, "pair.yaml")
 
 
 def call(*arguments: str | Path) -> Result:

@@ -1,7 +1,5 @@
 """The commit that the version tells, from git or from a file that a build left."""
 
-from __future__ import annotations
-
 import runpy
 import shutil
 import subprocess

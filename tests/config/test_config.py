@@ -1,7 +1,5 @@
 """Contents of a right configuration: parameters, defaults, units, files of matrices, overrides, digest."""
 
-from __future__ import annotations
-
 import math
 import subprocess
 import sys

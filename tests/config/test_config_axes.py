@@ -1,7 +1,5 @@
 """Axes: every form of values, what names stand for, and the parameters at points of the grid."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import product
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files that a configuration names: damaged ones, pipes and declared sizes of terabytes come to one line."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import zipfile

@@ -1,7 +1,5 @@
 """Matrix Market files of a configuration: read as what they hold, or one line that names the file and the remedy."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

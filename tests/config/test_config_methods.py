@@ -1,11 +1,9 @@
 """Options of methods that do not fit the system: one line each, at its place, by `check` as by `sweep`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
-from scenes import ran
+from scenes import ran, written
 
 TRAIN = """\
 system:
@@ -74,8 +72,7 @@ def test_what_does_not_fit_is_one_line(
 
 
 def test_an_override_is_named_in_place_of_a_line(tmp_path: Path) -> None:
-    path = tmp_path / "train.yaml"
-    path.write_text(TRAIN.replace("MORE", "lag: 0}").replace("METHOD", "floquet: {}"))
+    path = written(tmp_path, TRAIN.replace("MORE", "lag: 0}").replace("METHOD", "floquet: {}"), "train.yaml")
     done = ran("check", path, "--set", "methods.floquet.block=2")
     assert done.exit_code == 2
     assert done.stderr.startswith("--set methods.floquet.block: methods.floquet.block: the system has no cyclic")
@@ -83,8 +80,7 @@ def test_an_override_is_named_in_place_of_a_line(tmp_path: Path) -> None:
 
 
 def test_bench_names_the_place(tmp_path: Path) -> None:
-    path = tmp_path / "train.yaml"
-    path.write_text(TRAIN.replace("MORE", IRRATIONAL).replace("METHOD", "floquet: {}"))
+    path = written(tmp_path, TRAIN.replace("MORE", IRRATIONAL).replace("METHOD", "floquet: {}"), "train.yaml")
     done = ran("bench", path, "-o", tmp_path / "out.h5")
     assert done.exit_code == 2
     assert f"{path}:7: system.meshes.1.frequency_ratio: bench: mesh frequencies of irrational ratio" in done.stderr

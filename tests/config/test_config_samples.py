@@ -1,7 +1,5 @@
 """Samples that cannot vary, negative ones, loads of one number, and waveforms along axes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

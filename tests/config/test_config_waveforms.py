@@ -1,7 +1,5 @@
 """Waveforms, periodic terms and irrational frequency ratios, from a configuration to a GearSystem."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 

@@ -1,12 +1,10 @@
 """The configurations and documents of the repository are what the program accepts."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
 import pytest
-from scenes import CONFIGURATIONS, ROOT, plain
+from scenes import CONFIGURATIONS, ROOT, plain, written
 
 from gearstab.config import load
 from gearstab.config.schema import schema
@@ -83,8 +81,7 @@ def test_the_documents_show_configurations() -> None:
 
 @pytest.mark.parametrize(("name", "block"), scenes(), ids=[name for name, _ in scenes()])
 def test_configurations_in_the_documents_are_valid(name: str, block: str, tmp_path: Path) -> None:
-    path = tmp_path / "scene.yaml"
-    path.write_text(block)
+    path = written(tmp_path, block, "scene.yaml")
     load(path)
 
 

@@ -1,7 +1,5 @@
 """The section ``design``: what is accepted, what it means, and a line for each mistake."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

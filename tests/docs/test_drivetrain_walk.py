@@ -1,7 +1,5 @@
 """The page that leads from a drawing to a report: its file is valid, its commands run, its numbers are right."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

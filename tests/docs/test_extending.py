@@ -1,7 +1,5 @@
 """The page on extending the package names what is there."""
 
-from __future__ import annotations
-
 import ast
 import re
 

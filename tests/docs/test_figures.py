@@ -1,7 +1,5 @@
 """Figures and their stored references: every figure has one, and a number or a picture that changes is noticed."""
 
-from __future__ import annotations
-
 import copy
 import json
 import sys

@@ -1,7 +1,5 @@
 """Page on first steps: its commands run, its names are those of a result."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Requirements of an installation: dependencies, lock, version, build with and without a compiler, make targets."""
 
-from __future__ import annotations
-
 import ast
 import os
 import re

@@ -1,7 +1,5 @@
 """The page on pipelines: its programs and rules make a table of many configurations, and again what changed only."""
 
-from __future__ import annotations
-
 import csv
 import os
 import re

@@ -1,7 +1,5 @@
 """The published benchmark set: every file says where its numbers come from, all are met, and a wrong one is noticed."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path

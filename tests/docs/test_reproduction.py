@@ -1,7 +1,5 @@
 """The reproduction table in the documents is what the program computes now."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The documentation site: pages are in its navigation, links lead somewhere, examples are valid, it builds cleanly."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

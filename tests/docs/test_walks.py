@@ -1,7 +1,5 @@
 """Every walk of the page, from an empty folder: its files are saved, its commands run, its results are there."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import shlex
@@ -20,7 +18,11 @@ PROMISED = {
 }
 
 
-@pytest.mark.parametrize("walk", WALKS)
+LONG = {"A reducer to a report"}
+"""Walks that take half a minute of processor time; the tests of reports go the same way with smaller trains."""
+
+
+@pytest.mark.parametrize("walk", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in WALKS])
 def test_a_walk_leads_where_it_says(walk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name, text in re.findall(r"as `([\w.]+)`:\n\n```\w+\n(.*?)^```$", WALKS[walk], re.M | re.S):

@@ -1,7 +1,5 @@
 """Matrices from files and arrays as a system, with what is antisymmetric, with few modes, and as a file again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

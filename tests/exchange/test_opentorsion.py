@@ -1,7 +1,5 @@
 """Assemblies of openTorsion: natural frequencies and forced responses equal theirs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rotors with the interface of ROSS, without that package: speeds of shafts, bearings with coefficients over speed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any

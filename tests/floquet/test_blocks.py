@@ -1,7 +1,5 @@
 """Block reduction: identical answers with and without it, blocks known from symmetry, what is left out is rounding."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How far a system decouples does not hang on rounding: not on the basis of equal frequencies, not on last digits."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

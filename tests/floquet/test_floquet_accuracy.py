@@ -5,8 +5,6 @@ on the edge of an instability region two exponents coincide and depend on any pa
 solver in double precision can be better than 1e-8 there.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 

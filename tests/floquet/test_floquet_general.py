@@ -149,6 +149,15 @@ def test_estimates_are_honest(tolerance):
     assert not seen.any() or np.median(found.error_estimate[seen] / error[seen]) < 100
 
 
+def test_what_no_number_of_steps_reaches_is_flagged():
+    """A tolerance beyond rounding, and one that is reached."""
+    for tolerance in (1e-16, 1e-9):
+        found = solve(WITH_TERMS["smooth friction"], np.array([0.9, 2.1]), tolerance=tolerance)
+        flagged = (found.status & STATUS_FLAGS["not_converged"]) > 0
+        np.testing.assert_array_equal(flagged, found.error_estimate > tolerance)
+        assert flagged.all() == (tolerance < 1e-12)
+
+
 def test_long_periods_neither_overflow_nor_underflow():
     system = with_terms(0.5 * MASS + DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
     found = analyse(system, np.array([[1e-4]]))

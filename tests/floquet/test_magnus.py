@@ -1,7 +1,5 @@
 """Smooth mesh stiffness: against an integrator in extended precision, closed forms, and what must not matter."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Results hold no negative zeros, which read as if something decayed."""
 
-from __future__ import annotations
-
 import h5py
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """The high-precision reference itself, against what is known otherwise."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Laws of the stability of any system: bounds, limits and symmetries, on random ones."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import replace
 from fractions import Fraction

@@ -1,14 +1,12 @@
 """Maps of chosen modes or of one type of mesh deflection, from the function to the result file and ``info``."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
 import pytest
 import xarray as xr
 from planetary_gears import cyclic
-from scenes import ran
+from scenes import ran, written
 from systems import star, train
 
 from gearstab.floquet import solve
@@ -37,9 +35,7 @@ methods:
 
 @pytest.fixture
 def config(tmp_path):
-    path = tmp_path / "star.yaml"
-    path.write_text(STAR)
-    return path
+    return written(tmp_path, STAR, "star.yaml")
 
 
 def turned_star():

@@ -1,7 +1,5 @@
 """Systems whose mean stiffness is zero or negative along some modes: scales do not come from the mean alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Friction of the teeth: coefficients, kinematics in the plane, periodic functions, and what they must not do."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, exp, isclose, log10, pi, sin
 

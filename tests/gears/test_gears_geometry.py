@@ -1,7 +1,5 @@
 """Involute geometry: against reference numbers, against plane geometry done numerically, and at the limits."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from math import acos, atan2, cos, degrees, hypot, isclose, pi, radians, sin, tan

@@ -1,7 +1,5 @@
 """Tooth and mesh stiffness: reference curves, quadrature by another route, limits, ISO 6336, finite elements."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from itertools import pairwise

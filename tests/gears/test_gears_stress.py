@@ -1,7 +1,5 @@
 """Load sharing, root stress and contact pressure: closed forms of the standards, reference numbers."""
 
-from __future__ import annotations
-
 import json
 from math import cos, isclose, pi, radians, sin, sqrt, tan
 

@@ -1,7 +1,5 @@
 """Helical pairs: a converged reference, slices, harmonics, the spur limit, whole overlap ratios, ISO 6336."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from math import cos, isclose, pi, radians, sin, tan

@@ -1,7 +1,5 @@
 """Teeth of internal gears: a reference, quadrature over the height, and their meshes."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from math import isclose

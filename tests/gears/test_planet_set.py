@@ -3,8 +3,6 @@
 Lengths in m; NREL's stages from the published 5 MW gearbox (profile shifts, centre distances and tip radii).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Profile relief of a loaded pair of gears, against sorted gaps and root finding computed elsewhere."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Profile relief of helical teeth: slices in equilibrium, against their definition, and the limits that must hold."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from math import asin, degrees, pi

@@ -1,7 +1,5 @@
 """Bodies under a tooth: closed forms of whole circles, published polynomials, and rims of internal gears."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi
 

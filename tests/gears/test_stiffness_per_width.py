@@ -1,7 +1,5 @@
 """Mesh stiffness per face width, c_gamma: the mean over the face width that both gears share."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

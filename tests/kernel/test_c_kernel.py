@@ -1,7 +1,5 @@
 """The compiled kernel against its form in NumPy, high precision and itself, at every level of vector instructions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache

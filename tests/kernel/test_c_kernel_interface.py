@@ -1,7 +1,5 @@
 """The arguments of the compiled kernel, and its eigensolver for small matrices."""
 
-from __future__ import annotations
-
 import os
 
 import mpmath as mp

@@ -1,7 +1,5 @@
 """Eigenproblems of symmetric matrices of any order."""
 
-from __future__ import annotations
-
 import mpmath as mp
 import numpy as np
 import pytest

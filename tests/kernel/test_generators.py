@@ -1,7 +1,5 @@
 """Compiled products of segments whose generators go with the mesh frequency, against their form in NumPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy_kernel
 import pytest

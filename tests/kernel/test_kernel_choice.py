@@ -1,7 +1,5 @@
 """Choice of the kernel by the environment, and one line where it is missing or asked for too much."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

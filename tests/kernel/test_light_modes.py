@@ -1,7 +1,5 @@
 """Complex modes of lightly damped states against those of NumPy's general eigenproblem."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Magnus steps of the compiled kernel."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Numbers by which both the compiled search and Python decide: a drift would change verdicts."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Calls of the compiled kernel end early: by a signal, by another thread, or because their time is up."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

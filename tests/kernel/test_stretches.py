@@ -1,7 +1,5 @@
 """Rows of many mesh frequencies, in part interpolated by the compiled kernel (ckernel/undamped/stretches.h)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Rows of a call in pieces on threads: each once, whoever else asks, and whatever fails."""
 
-from __future__ import annotations
-
 import os
 import threading
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Input speeds of the kinds whose teeth are known, against the kinematics of rolling circles."""
 
-from __future__ import annotations
-
 from itertools import permutations
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Exact speeds and mesh frequencies of epicyclic trains, against a reference in fractions; trains that cannot turn."""
 
-from __future__ import annotations
-
 import json
 from fractions import Fraction
 from typing import Any

@@ -1,7 +1,5 @@
 """Vectors of a model of matrices, written as mappings of what is not zero."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

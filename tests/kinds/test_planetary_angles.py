@@ -1,7 +1,5 @@
 """Planets at unequal angles: where teeth fit, mesh phases (Parker & Lin 2004) and modes (Lin & Parker 2000)."""
 
-from __future__ import annotations
-
 import json
 from fractions import Fraction
 from math import pi, tau

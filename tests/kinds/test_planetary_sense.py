@@ -1,7 +1,5 @@
 """Senses of rotation of planetary gears with teeth: who turns which way, who drives, and the phases that follow."""
 
-from __future__ import annotations
-
 from itertools import permutations
 from pathlib import Path
 

@@ -4,8 +4,6 @@ gyroscopic_multipliers.json holds multipliers in forty digits (mpmath) of 14 ran
 closed forms of whirling (mpmath).
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Stability with smooth waves and periodic terms, from configurations, against integration of the equations."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

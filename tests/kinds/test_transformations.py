@@ -1,7 +1,5 @@
 """A system in other coordinates or units moves as the same system does, whatever drives it and varies in it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

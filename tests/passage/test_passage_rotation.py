@@ -1,7 +1,5 @@
 """Run-ups and tolerances of systems with matrices that act with a speed of rotation."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

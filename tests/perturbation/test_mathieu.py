@@ -1,7 +1,5 @@
 """Transition curves of Mathieu and Hill: characteristic values of scipy, and Hill's method in Fourier space."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scenes import CONFIGS, plain

@@ -1,7 +1,5 @@
 """Names of regions by the compiled kernel (ckernel/boundaries/names.c) against every assignment of roots scored."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from naming import Unnamed, assign, below, center, near

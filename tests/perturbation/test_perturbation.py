@@ -1,7 +1,5 @@
 """First-order boundaries: published and recomputed numbers, closed forms, and what must not change them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from fractions import Fraction

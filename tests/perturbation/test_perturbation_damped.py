@@ -1,7 +1,5 @@
 """The amplitude equations of two groups of modes: closed forms, brute force, and the ends of the damping range."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """First-order boundaries against Floquet theory as epsilon tends to 0: every tongue of Lin & Parker's Figs. 3, 5, 6."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """The uncoupled Mathieu equations against scipy's Mathieu functions, Floquet theory and the paper's conclusions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Second-order boundaries: exact expansions, sums term by term, and what must not change them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

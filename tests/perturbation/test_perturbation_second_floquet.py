@@ -1,7 +1,5 @@
 """Second-order boundaries against Floquet theory: errors fall as epsilon^3, those of first order as epsilon^2."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``methods.perturbation: {order: 2}``: what a sweep stores, and that figures draw the curved boundaries."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """First-order boundaries with friction and mesh damping that varies: all tongues, against exact stability."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path

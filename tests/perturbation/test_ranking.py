@@ -1,7 +1,5 @@
 """Regions ranked by what they do in a range, and what closes them, against monodromy matrices made of exponentials."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

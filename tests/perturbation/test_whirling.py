@@ -4,8 +4,6 @@ tongues.json holds tongues of undamped gyroscopic systems by the Krein signature
 tongues_two_meshes.json growth by the amplitude equations, both beside exact Floquet analysis.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from fractions import Fraction

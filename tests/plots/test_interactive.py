@@ -1,7 +1,5 @@
 """The page of a map: self-contained, a picture without scripts, no unstable point lost."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

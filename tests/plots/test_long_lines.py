@@ -1,7 +1,5 @@
 """Lines of many samples on paper: no gap where Matplotlib would split them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg

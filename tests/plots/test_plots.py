@@ -1,7 +1,5 @@
 """Figures: the arrays of their artists against the data, over every kind."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

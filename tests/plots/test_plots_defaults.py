@@ -1,7 +1,5 @@
 """Without options every result gives a figure; what a figure leaves out is said."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Names of tongues: mathematical text, and places where none covers another."""
 
-from __future__ import annotations
-
 from itertools import combinations, pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures of modes: where the drawn bodies are against the displacements of the mode, and what can be chosen."""
 
-from __future__ import annotations
-
 import numpy as np
 import plot_results as planetary
 import pytest

@@ -1,7 +1,5 @@
 """The figure of a gear pair's response: what is drawn, and from what."""
 
-from __future__ import annotations
-
 import numpy as np
 import plot_results as made
 import pytest

@@ -1,7 +1,5 @@
 """Figures of responses: curves over speed, spectra, maps of the response."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import matplotlib.pyplot as plt

@@ -1,7 +1,5 @@
 """The number of steps that points get, with errors that follow a law: c 2^(-p k) after k doublings, above rounding."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

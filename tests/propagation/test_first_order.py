@@ -1,7 +1,5 @@
 """The first-order form against the equations of motion in physical coordinates, and how a batch is flattened."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

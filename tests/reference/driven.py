@@ -1,7 +1,5 @@
 """Driven gear systems, and their motion in physical coordinates by integration and exponentials."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """The gear pair of Oh, Grosh & Barber (2005) and numbers of it that were computed apart from this program."""
 
-from __future__ import annotations
-
 import json
 from math import pi
 from typing import Any, cast

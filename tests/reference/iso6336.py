@@ -1,7 +1,5 @@
 """Tooth stiffness by ISO 6336-1, an estimate independent of the one computed from the teeth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cos, degrees
 

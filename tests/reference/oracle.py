@@ -8,8 +8,6 @@ rounded, in mpmath arithmetic whose precision follows the conditioning of the pr
 has as many right digits as the largest. Nothing of ``gearstab.floquet`` is used. Slow for more than five coordinates.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Planetary gears: Parker's of 2009 as parameters, and ones of cyclic symmetry put together by hand; all planar."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

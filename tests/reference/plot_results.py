@@ -4,8 +4,6 @@ The modes of Parker's planetary gear (2009, Table 1) too: drawings are checked a
 against the program's own model.
 """
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

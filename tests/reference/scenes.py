@@ -1,7 +1,5 @@
 """Where things lie in the source tree, texts of configurations, and what a program says to them."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

@@ -9,8 +9,6 @@ Files in FOLDER tell what happens at the block with the stiffness k0 = K: ``kill
 gone. Blocks are single stiffnesses; ``log`` gets a line for each one begun, ``processes`` the process that began it.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """Systems that many tests look at: Lin & Parker's train, oscillators, stars, chains, and cases that are hard."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any

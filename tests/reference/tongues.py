@@ -9,8 +9,6 @@ that the edges are its two zeros. A polynomial through a few points around the t
 Regions that the package finds are compared with its flags.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

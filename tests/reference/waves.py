@@ -1,7 +1,5 @@
 """Waveforms of every kind, plain and odd."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

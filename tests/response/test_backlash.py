@@ -1,7 +1,5 @@
 """Teeth that part: exact motion between events, and events that are where they should be."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache

@@ -1,7 +1,5 @@
 """The forecast of what a response costs: said before it begins, by counts that were calibrated."""
 
-from __future__ import annotations
-
 import time
 from math import tau
 from pathlib import Path

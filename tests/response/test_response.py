@@ -1,7 +1,5 @@
 """Free response of linear systems: exact between the jumps of the mesh stiffness."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The flags ``cut_below`` and ``cut_above`` name the end of the range at which a region is cut off."""
 
-from __future__ import annotations
-
 import pytest
 
 import gearstab as gs

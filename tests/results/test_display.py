@@ -1,7 +1,5 @@
 """Units in which a reader sees a result: as they were typed, or as they are asked for; files stay SI."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

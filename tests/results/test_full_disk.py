@@ -3,8 +3,6 @@
 The limit of the size of a file stands for the end of the disk, as tests can set it for one process.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """A method, an output variable and a figure are one class or object and one line in a table each: toys of them."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

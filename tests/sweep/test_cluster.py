@@ -1,7 +1,5 @@
 """A sweep on workers of a real scheduler: the same data as the pool's, whatever dies on the way."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

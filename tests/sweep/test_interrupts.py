@@ -1,7 +1,5 @@
 """SIGINT, SIGTERM and SIGHUP end every command with exit code 130, without a traceback and without temporary files."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Cases and ties that set the mesh frequency: points of operation instead of a grid."""
 
-from __future__ import annotations
-
 import numpy as np
 from scenes import ran
 

@@ -1,7 +1,5 @@
 """Real sweeps of all methods that are ended at random moments, again and again, and go on to the same data."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

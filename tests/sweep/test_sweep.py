@@ -1,7 +1,5 @@
 """Results of sweeps: dimensions as configured, values of every point as if it were computed alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction

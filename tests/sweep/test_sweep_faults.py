@@ -1,7 +1,5 @@
 """Killed processes, interrupts, full disks, damaged parts: what is finished is kept, and a second run completes it."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

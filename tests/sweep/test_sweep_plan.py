@@ -1,7 +1,5 @@
 """The division of a grid: every point in one block, blocks of a useful size, the same on every machine."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import ceil, prod
 

@@ -1,7 +1,5 @@
 """Several sweeps of one output, changed configurations, old and forged parts: nothing is lost, nothing is wrong."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

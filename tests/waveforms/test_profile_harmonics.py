@@ -1,7 +1,5 @@
 """Fourier coefficients of profiles against the discrete Fourier transform and series known in closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

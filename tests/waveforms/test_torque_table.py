@@ -1,7 +1,5 @@
 """Mesh stiffness over phase and torque: between the torques of a table, from files, and what is wrong with tables."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """All waveforms keep one contract, checked against quadrature and dense sampling for the whole table."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Waves made of samples and of single pairs of teeth: identities, orders of interpolation, published shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings

@@ -1,7 +1,5 @@
 """Boundaries found block by block: the regions of systems whose meshes do not couple all coordinates."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

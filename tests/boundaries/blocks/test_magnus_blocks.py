@@ -1,7 +1,5 @@
 """Smooth mesh stiffness searched block by block: the edges of the whole, of each part alone, and of a raster."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

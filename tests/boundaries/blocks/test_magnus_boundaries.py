@@ -1,7 +1,5 @@
 """Boundaries of smooth mesh stiffness: Mathieu's characteristic values, verdicts on both sides, honest tolerances."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Edges of instability regions against those that AUTO found by collocation and continuation (docs/auto.md)."""
 
-from __future__ import annotations
-
 import json
 from fractions import Fraction
 

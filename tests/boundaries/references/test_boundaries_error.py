@@ -1,7 +1,5 @@
 """The stated tolerance of every edge contains its error, rounding included: against 40 digits."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import mpmath as mp

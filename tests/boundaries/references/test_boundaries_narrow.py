@@ -1,7 +1,5 @@
 """Regions of one degree of freedom down to 1e-11 of the speed, against their closed form in forty digits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mpmath import mp

@@ -1,13 +1,11 @@
 """``gearstab check`` as a user runs it: exit codes, streams, one line for each mistake."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from scenes import CONFIGS, ran
+from scenes import CONFIGS, ran, written
 
 RUN = [sys.executable, "-W", "error", "-c", "import sys; from gearstab.cli import main; main(sys.argv[1:])", "check"]
 
@@ -35,8 +33,7 @@ def test_a_valid_configuration() -> None:
 
 
 def test_mistakes(tmp_path: Path, root: Path) -> None:
-    path = tmp_path / "wrong.yaml"
-    path.write_text(WRONG)
+    path = written(tmp_path, WRONG, "wrong.yaml")
     done = subprocess.run([*RUN, path, "--set", "tooth_ratio=0.6667"], cwd=root, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.splitlines() == [

@@ -1,11 +1,10 @@
 """Wrong configurations: each mistake is one line with place, path and remedy, and all come at once."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
 import pytest
+from scenes import written
 
 from gearstab.config import ConfigError, Problem, load
 
@@ -159,8 +158,7 @@ def test_sweep_and_methods_go_together(tmp_path: Path, section: str, path: str) 
 
 
 def test_sections_that_a_command_needs(tmp_path: Path) -> None:
-    path = tmp_path / "case.yaml"
-    path.write_text(GOOD)
+    path = written(tmp_path, GOOD)
     load(path, needs=("sweep", "methods"))
     with pytest.raises(ConfigError, match="respond: is missing; add the section respond"):
         load(path, needs=("respond",))

@@ -1,7 +1,5 @@
 """Stiffness levels over the whole grid: reported when and only when a point of the grid has one that cannot exist."""
 
-from __future__ import annotations
-
 import math
 import re
 from itertools import product
@@ -10,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scenes import written
 
 from gearstab.config import ConfigError, Problem, load
 
@@ -21,8 +20,7 @@ levels = st.lists(st.floats(0, 1.2).map(lambda v: round(v, 2)), min_size=1, max_
 
 
 def problems(folder: Path, text: str) -> list[Problem]:
-    path = folder / "case.yaml"
-    path.write_text(text)
+    path = written(folder, text)
     try:
         load(path)
     except ConfigError as error:

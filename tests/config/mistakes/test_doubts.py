@@ -1,11 +1,9 @@
 """Valid values that are hardly meant: one line on standard error, the same exit code, nothing for sensible models."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
-from scenes import CONFIGURATIONS, ran
+from scenes import CONFIGURATIONS, ran, written
 
 from gearstab.config import load
 
@@ -49,8 +47,7 @@ methods: {floquet: {}}
 
 
 def doubts(folder: Path, text: str, *overrides: str) -> list[tuple[str, str]]:
-    path = folder / "scene.yaml"
-    path.write_text(text)
+    path = written(folder, text, "scene.yaml")
     return [(doubt.path, f"{doubt.message}; {doubt.hint}") for doubt in load(path, overrides).doubts]
 
 

@@ -1,7 +1,5 @@
 """A wrong value is told once, and nothing that depends on it; design variables need no base value."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

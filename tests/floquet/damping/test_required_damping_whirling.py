@@ -1,7 +1,5 @@
 """The damping that stabilises systems with matrices that act with a speed of rotation, and other unsymmetric ones."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any

@@ -1,7 +1,5 @@
 """Many mesh frequencies and required damping as a user meets them: configuration, messages, result, figures."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import sys

@@ -3,8 +3,6 @@
 tests/data/rotation/rotors.json: an overhung disc (Stodola), closed forms in forty digits (mpmath).
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from fractions import Fraction

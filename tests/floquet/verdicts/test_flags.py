@@ -4,8 +4,6 @@ The judge is the product of matrix exponentials in physical coordinates and its 
 circle by more than 1e-4 or by less than 1e-11 there is no doubt; in between the oracle decides with 100 digits.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Hard cases: results are right, others converge to them, and what is reported about them is honest."""
 
-from __future__ import annotations
-
 import numpy as np
 import oracle
 import pytest

@@ -1,7 +1,5 @@
 """Growth rate, verdict and exponents agree in sign, whatever computes them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Thresholds of decision: what is counted as rounding error, and what is not any more."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

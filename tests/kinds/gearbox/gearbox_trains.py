@@ -1,7 +1,5 @@
 """Trains for the tests of gearboxes: the tractor gearbox with the reference's own stiffnesses, and small ones."""
 
-from __future__ import annotations
-
 import json
 from math import cos, pi, radians
 from typing import Any

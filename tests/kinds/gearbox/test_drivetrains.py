@@ -1,7 +1,5 @@
 """Drivetrains of ``configs/drivetrains``: ratios, frequencies, what ``info`` says, axes of teeth, helices, spin."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -9,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import CONFIGS, problems, read
+from scenes import CONFIGS, problems, read, written
 from test_planetary_sets import TWO
 
 from gearstab.config import load
@@ -83,8 +81,7 @@ def test_without_variation_nothing_grows() -> None:
 
 def test_info_shows_the_train_with_speeds_torques_and_mesh_frequencies(tmp_path: Path) -> None:
     text = TWO.replace("torque: 12}", "torque: 12, speed: 3000 rpm}")
-    path = tmp_path / "two.yaml"
-    path.write_text(text)
+    path = written(tmp_path, text, "two.yaml")
     found = describe(load(path))["train"]
     lines = info_train.drawing(found).splitlines()
     assert lines[0] == "motor: 3000 rpm, 0.05 kg m^2, drives with 12 N m"

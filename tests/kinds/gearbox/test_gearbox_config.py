@@ -1,13 +1,12 @@
 """Gearboxes in configurations: what can be swept, and one line for every mistake."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from gearbox_trains import RPM
+from scenes import written
 
 from gearstab.config import ConfigError, Problem, load
 from gearstab.plots import draw
@@ -37,8 +36,7 @@ methods: {floquet: {}}
 
 
 def loaded(folder: Path, text: str = GOOD, *overrides: str) -> Any:
-    path = folder / "case.yaml"
-    path.write_text(text)
+    path = written(folder, text)
     return load(path, overrides)
 
 

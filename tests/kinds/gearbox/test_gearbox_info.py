@@ -1,7 +1,5 @@
 """``gearstab info`` of a gearbox: the train drawn, its teeth judged, the energy of its modes shared out."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

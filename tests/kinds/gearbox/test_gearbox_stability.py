@@ -1,7 +1,5 @@
 """Stability of the tractor gearbox against an independent program, in every way through its mesh frequencies."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -81,7 +81,7 @@ def test_turned_slowly_the_teeth_follow_the_static_transmission_error(tmp_path: 
     np.testing.assert_allclose(found.mesh_force[:, 0], loaded.force, rtol=2e-3)
     phase = found.time * omega / (2 * np.pi)
     np.testing.assert_allclose(found.mesh_deflection[:, 0], loaded.error.value(phase), rtol=2e-3)
-    speeds = speed_response(system, np.array([omega]), 100)
+    speeds = speed_response(system, np.array([omega]), 400)
     assert speeds.dynamic_load_factor[0, 0, 0] == pytest.approx(1.0, abs=2e-3)
     assert speeds.transmission_error_peak_to_peak[0, 0, 0] == pytest.approx(loaded.peak_to_peak, rel=5e-3)
 

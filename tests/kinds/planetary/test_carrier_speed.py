@@ -4,8 +4,6 @@ tests/data/rotation/carrier_speed.json holds natural frequencies in carrier coor
 mpmath agree) and multipliers over a mesh cycle (carrier frame and fixed frame agree to 4e-11).
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,13 +1,11 @@
 """``kind: planetary`` in configurations, and what commands make of it."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
 import pytest
 from planetary_gears import configuration
-from scenes import ran
+from scenes import ran, written
 
 from gearstab.config import load
 from gearstab.info.text import report
@@ -23,9 +21,7 @@ SCENE = configuration(
 
 @pytest.fixture
 def scene(tmp_path):
-    path = tmp_path / "scene.yaml"
-    path.write_text(SCENE)
-    return path
+    return written(tmp_path, SCENE, "scene.yaml")
 
 
 def test_a_planetary_gear_from_a_configuration(scene):

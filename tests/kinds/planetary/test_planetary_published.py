@@ -1,7 +1,5 @@
 """Natural frequencies of planetary gears with a rigid ring as other papers print them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scenes import CONFIGS

@@ -1,7 +1,5 @@
 """Planetary gears from their teeth: against formulas of discs and involutes, and the same mesh in a gearbox."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The Campbell diagram: natural frequencies by another solver, crossings where they must be, branches by shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from plot_results import tree as result

@@ -1,7 +1,5 @@
 """Maps of more points than a picture shows: what reducing them block by block keeps."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Mapping

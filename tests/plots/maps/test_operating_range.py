@@ -1,7 +1,5 @@
 """The operating ranges of a configuration's design, in figures of its sweep: where they end, in the unit shown."""
 
-from __future__ import annotations
-
 import numpy as np
 import plot_results as made
 import pytest

@@ -3,8 +3,6 @@
 Every root within reach is scored for every slot, and the assignment with the greatest total is that of SciPy.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Products of chains and their moduli in NumPy, step by step; clear rather than fast."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy_lyapunov import exponential
 from scipy.linalg import expm

@@ -5,8 +5,6 @@ with the 64-bit mantissa of an extended double. No eigenvectors, no exponentials
 period's structure but its kinks.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random configurations of ordinary and of odd systems, all of them admitted by ``gearstab check``."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from hypothesis import strategies as st

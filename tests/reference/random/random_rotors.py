@@ -1,7 +1,5 @@
 """Random systems with gyroscopic, centripetal and circulatory matrices, one or two meshes, lags and ratios."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

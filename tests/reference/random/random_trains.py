@@ -1,7 +1,5 @@
 """Random trains and an independent raster of growth rates with damping, refined until nothing new appears."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

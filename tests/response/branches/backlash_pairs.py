@@ -1,7 +1,5 @@
 """Gear pairs with backlash whose periodic motions, multipliers and folds are known to many digits."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

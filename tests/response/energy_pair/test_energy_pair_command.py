@@ -1,7 +1,5 @@
 """Gear pairs given by their gears, as a user meets them: configuration, respond, sweep."""
 
-from __future__ import annotations
-
 from math import pi, tau
 from pathlib import Path
 
