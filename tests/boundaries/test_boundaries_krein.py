@@ -9,6 +9,9 @@ import pytest
 from krein_search import counts, morse
 from tongues import train
 
+from gearstab.floquet.boundaries.counting.krein import spectrum
+from gearstab.floquet.boundaries.counting.pairs import KreinSpectrum
+from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.systems import build
 
@@ -112,3 +115,36 @@ def test_unstable_points_hold_as_many_open_collisions_as_multipliers_outside() -
     outside = (np.abs(values) > 1 + 1e-6).sum(axis=1)
     assert np.array_equal(found.begun - found.ended, outside)
     assert np.array_equal(found.stable, outside == 0)
+
+
+def test_growth_follows_from_the_phases_at_two_stable_points() -> None:
+    """w (S'_1 + S'_2)/2 - (S_2 - S_1) = 1/pi int w^3 L(x)/(2 (x - T_1)^2 (x - T_2)^2) dx over all x, negative ones too."""
+    (pattern,) = prepare(train(epsilon=(0.3, 0.3)))
+
+    def multipliers(cycle: np.ndarray) -> KreinSpectrum:
+        matrix, scale = c_kernel.monodromy(pattern, np.zeros(len(cycle), dtype=int), 1 / cycle)
+        assert not scale.any()
+        return spectrum(matrix)
+
+    def phases(cycle: np.ndarray) -> np.ndarray:
+        found = multipliers(cycle)
+        assert not found.off.any()
+        return np.asarray(np.where(found.sign > 0, np.angle(found.values), 0.0).sum(axis=1))
+
+    def turn(angle: np.ndarray) -> np.ndarray:
+        return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
+
+    step = 1e-4
+    x = np.arange(0.5 * step, 12.0, step)
+    found = multipliers(x)
+    growth = np.where(found.off, np.maximum(np.log(np.abs(found.values)), 0.0), 0.0).sum(axis=1)
+    for begin, width in ((0.55, 0.09), (1.125, 0.098), (1.58, 0.06), (1.707, 0.047)):
+        ends = np.array([begin, begin + width])
+        speed = turn(phases(ends + 1e-5) - phases(ends - 1e-5)) / 2e-5
+        defect = turn(width * speed.mean() - np.diff(phases(ends)))[0]
+        kernel = sum(0.5 * width**3 / ((side * x - ends[0]) * (side * x - ends[1])) ** 2 for side in (1, -1))
+        open_only = growth > 0
+        # Sums of growths that begin as roots are right to 1e-3 with this step.
+        expected = step / np.pi * (growth[open_only] * np.asarray(kernel)[open_only]).sum()
+        assert defect > 0.01
+        assert defect == pytest.approx(expected, rel=3e-3)

@@ -10,6 +10,7 @@
 #include "search.h"
 
 #define TIE 1e-12    /* of angles, in the count of collisions: a pair off the circle counts as met */
+#define BLUR 1e-4    /* of half turns: far beyond rounding, even where phases near 1 are roots of it */
 #define MIRROR 1e-10 /* distance of several real pairs in that count */
 
 enum what { ON, REAL_ONE, REAL_MINUS_ONE, COMPLEX, BROKEN };
@@ -208,6 +209,30 @@ static void positive_phases(const struct sample *s, double *phase) {
             phase[count++] = (place == AT_ONE ? 0.0 : PI) + MIRROR * (seen[place]++ - 0.5 * (of_place[place] - 1));
         }
     }
+}
+
+/* The sum of the phases of all positive multipliers with their turns, of which index has counted. */
+static double turned(const struct sample *s, int64_t n, int64_t index, double *phase) {
+    double sum = PI * (double)(index - n);
+    positive_phases(s, phase);
+    for (int64_t i = 0; i < n; i++)
+        sum += phase[i];
+    for (int m = 0; m < s->offs; m++)
+        sum += s->off[m].place == AT_ONE ? PI : 0.0;
+    return sum;
+}
+
+/* N(0) of a point between two others from the sum of all phases, which never falls, as none of them does; UNSETTLED if a turn more
+   or less fits as well. */
+int64_t index_by_turns(const struct sample *left, const struct sample *right, const struct sample *s, int64_t n,
+                       double *phase) {
+    double own = turned(s, n, 0, phase), low = turned(left, n, left->index, phase), high = turned(right, n, right->index, phase);
+    int64_t least = (int64_t)ceil((low - own) / PI - BLUR), most = (int64_t)floor((high - own) / PI + BLUR), parity = n;
+    for (int m = 0; m < s->offs; m++)
+        parity += s->off[m].place == AT_ONE;
+    least += (least - parity) & 1;
+    most -= (most - parity) & 1;
+    return least == most ? least : UNSETTLED;
 }
 
 /* Collisions so far at 1, at -1 and elsewhere; of pairs off the circle as met, or not. phase: room for n numbers.

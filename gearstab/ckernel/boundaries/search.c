@@ -1,6 +1,6 @@
 /* All instability boundaries of the rows of a conservative pattern along the period.
 
-   A row is searched window by window: points uniform in the period, about one for four collisions of multipliers; then the brackets
+   A row is searched window by window: points uniform in the period, about one for ten collisions of multipliers; then the brackets
    between neighbours are refined, all of a window at once, one point a bracket and round, until each holds nothing, an edge
    within the tolerance, or a collision that opens less than the floor. What a bracket holds is said by counts (brackets.c), where
    to look by interpolation (steps.c); only verdicts at points count. */
@@ -21,7 +21,9 @@
 #define PATIENCE 4        /* rounds of interpolation in which a bracket must halve */
 #define ATTEMPTS 4        /* points tried where signs are lost in rounding, before a bracket is left as it is */
 #define ACCURATE 0.1      /* part of the tolerance by which the curvature may move an edge that is taken */
-#define SMALL 0.26        /* of the spacing: brackets whose counts are unknown are taken at face value below */
+#define PART_OF_BRACKET 0x1p-4 /* that a step to the second point may take where several edges are near each other */
+#define SHORTEST 0x1p-8   /* part of the usual step that is left in such brackets, at least */
+#define SMALL 1.04        /* of the distance of collisions: brackets whose counts are unknown are taken at face value below */
 
 /* ---- points */
 
@@ -60,10 +62,15 @@ static void count_directly(struct window *w, struct sample *s) {
     s->known = s->indexed;
 }
 
+/* N(0) between two samples that are counted, or along the period where they do not settle it. */
 static void count_between(struct window *w, struct sample *s, const struct sample *left, const struct sample *right) {
     if (!s->known)
         return;
-    int64_t index = left->indexed && right->indexed ? index_between(left, right, s, w->n) : UNSETTLED;
+    int64_t index = UNSETTLED;
+    if (left->indexed && right->indexed) {
+        index = index_between(left, right, s, w->n);
+        index = index == UNSETTLED ? index_by_turns(left, right, s, w->n, w->phase) : index;
+    }
     if (index == UNSETTLED || index == CONTRADICTION) {
         count_directly(w, s);
         return;
@@ -134,9 +141,11 @@ static int scan(struct window *w, double first, double last) {
             continue;
         if (before >= 0)
             w->open[w->opens++] =
-                (struct bracket){before, i, 0, 0, 0, at(w, i)->cycle - at(w, before)->cycle};
+                (struct bracket){-1, before, i, -1, 0, 0, 0, at(w, i)->cycle - at(w, before)->cycle};
         before = i;
     }
+    for (int i = 1; i < w->opens; i++)
+        w->open[i].before = w->open[i - 1].left, w->open[i - 1].after = w->open[i].right;
     return 0;
 }
 
@@ -148,7 +157,7 @@ static struct finding classify(const struct window *w, const struct bracket *b) 
     if (left->indexed && right->indexed)
         return compare(left, right, b->smooth);
     struct finding found = {OPEN, -1, -1, 0};
-    if (!left->stable && !right->stable && right->cycle - left->cycle < SMALL * w->spacing)
+    if (!left->stable && !right->stable && right->cycle - left->cycle < SMALL * w->order->density * w->spacing)
         found.kind = NOTHING;
     return found;
 }
@@ -186,6 +195,19 @@ static double somewhere(const struct bracket *b, double left, double right) {
     return left + part * (right - left);
 }
 
+/* A sample whose phases and turns are known; NULL if it is none. */
+static const struct sample *stable_one(const struct window *w, int i) {
+    return i >= 0 && at(w, i)->stable && at(w, i)->indexed ? at(w, i) : NULL;
+}
+
+/* Whether a bracket holds no region wider than what is asked for, whatever collisions there are in it. */
+static int closed_between(const struct window *w, const struct bracket *b) {
+    const struct sample *stencil[STENCIL] = {stable_one(w, b->before), stable_one(w, b->left), stable_one(w, b->right),
+                                             stable_one(w, b->after)};
+    return stencil[1] && stencil[2] &&
+           widest_between(stencil, w->n, w->mover) < fmin(w->order->floor, w->order->gap) * stencil[1]->cycle;
+}
+
 /* Finish a bracket (0 is returned), or put the point that it asks for into *cycle (1), or fail (-1). */
 static int advance(struct window *w, const struct bracket *b, struct finding *found, double *cycle) {
     const struct sample *left = at(w, b->left), *right = at(w, b->right);
@@ -193,6 +215,8 @@ static int advance(struct window *w, const struct bracket *b, struct finding *fo
     int is_edge = left->stable != right->stable;
     *found = classify(w, b);
     if (found->kind == NOTHING)
+        return 0;
+    if (w->contracts && closed_between(w, b))
         return 0;
     double least = is_edge ? tolerance : (left->stable ? w->order->floor : w->order->gap) * left->cycle;
     if (width <= least || b->failures >= ATTEMPTS)
@@ -221,7 +245,10 @@ static int advance(struct window *w, const struct bracket *b, struct finding *fo
 static void divide(struct window *w, const struct bracket *b, int point, int smooth) {
     for (int side = 0; side < 2; side++) {
         struct bracket *part = &w->next[w->nexts++];
-        *part = (struct bracket){side ? point : b->left, side ? b->right : point, b->age + 1, 0, smooth, b->width};
+        *part = *b;
+        *(side ? &part->before : &part->after) = side ? b->left : b->right;
+        *(side ? &part->left : &part->right) = point;
+        part->age = b->age + 1, part->failures = 0, part->smooth = smooth;
         double width = at(w, part->right)->cycle - at(w, part->left)->cycle;
         if (width < 0.5 * part->width || part->age > PATIENCE)
             part->age = 0, part->width = width;
@@ -250,6 +277,15 @@ static int leave_narrow(struct window *w) {
     return 0;
 }
 
+/* The step to the second point of a bracket over the usual one: within narrow brackets of several edges it does not meet the next. */
+static double shorter_for(const struct window *w, const struct bracket *b, const struct finding *found) {
+    const struct sample *left = at(w, b->left), *right = at(w, b->right);
+    if (found->kind != OPEN || left->stable == right->stable)
+        return 1.0;
+    double part = PART_OF_BRACKET * (right->cycle - left->cycle) / (w->step * left->cycle);
+    return fmin(1.0, fmax(part, SHORTEST));
+}
+
 static int refine(struct window *w) {
     while (w->opens > 0) {
         int asking = 0;
@@ -260,7 +296,7 @@ static int refine(struct window *w) {
             if (more < 0)
                 return -1;
             if (more) {
-                w->shorter[asking] = ldexp(1.0, -SHORTER * w->open[i].failures);
+                w->shorter[asking] = ldexp(shorter_for(w, &w->open[i], &w->found[asking]), -SHORTER * w->open[i].failures);
                 w->open[asking++] = w->open[i];
             }
         }
@@ -271,7 +307,10 @@ static int refine(struct window *w) {
         for (int i = 0; i < asking; i++) {
             struct bracket *b = &w->open[i];
             struct sample *s = at(w, first + i);
-            count_between(w, s, at(w, b->left), at(w, b->right));
+            /* Where the counts of an end are not known, those of what lies beyond it. */
+            int from = at(w, b->left)->indexed || b->before < 0 ? b->left : b->before;
+            int to = at(w, b->right)->indexed || b->after < 0 ? b->right : b->after;
+            count_between(w, s, at(w, from), at(w, to));
             if (usable(s)) {
                 int smooth = w->found[i].kind == OPEN && as_foreseen(at(w, b->left), at(w, b->right), &w->found[i], s);
                 divide(w, b, first + i, smooth);
@@ -312,6 +351,16 @@ static const struct sample *outermost(const struct window *w, int count, int las
     return at(w, 0);
 }
 
+/* Whether a longer period only ever turns multipliers of positive sign forwards, in the complex plane too, see growth.c. */
+static int contracts(const struct conservative *p, int64_t row) {
+    int all = 1;
+    for (int64_t i = 0; i < p->states * p->n; i++)
+        all &= p->squared[row * p->states * p->n + i] > 0.0;
+    for (int64_t s = 0; s < p->segments; s++)
+        all &= p->fractions[row * p->segments + s] >= 0.0;
+    return all;
+}
+
 static int search_row(struct window *w, int64_t row, double start, double stop, struct reach *reach) {
     double longest = w->order->level->spectra_row(w->spectra, row);
     double expected = w->order->density * collisions_expected(w->order, row, stop - start);
@@ -319,6 +368,7 @@ static int search_row(struct window *w, int64_t row, double start, double stop, 
     double windows = ceil(expected / WINDOW), shortest = ceil((stop - start) / longest);
     windows = shortest > windows ? shortest : windows;
     w->row = row;
+    w->contracts = contracts(w->order->exact, row);
     w->spacing = (stop - start) / (ceil(expected) - 1.0);
     w->evaluations = 0;
     int64_t begin = w->edges;

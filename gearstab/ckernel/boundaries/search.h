@@ -59,6 +59,8 @@ void sample_read(struct sample *sample, int64_t n, double step, const double *an
                  const double *later_angle, const double *later_growth, struct item *room, int *position);
 int64_t signs_below(const struct sample *sample, double angle);
 int64_t index_between(const struct sample *left, const struct sample *right, const struct sample *sample, int64_t n);
+int64_t index_by_turns(const struct sample *left, const struct sample *right, const struct sample *sample, int64_t n,
+                       double *phase);
 void collisions_of(const struct sample *sample, int64_t n, int met, double *phase, int64_t *of_place);
 
 /* ---- brackets.c: what lies between two points */
@@ -73,6 +75,17 @@ struct finding {
 };
 
 struct finding compare(const struct sample *left, const struct sample *right, int smooth);
+
+/* ---- growth.c: what two stable points can hide */
+
+/* A multiplier of positive sign: its phase at two points, and the least of its speeds. */
+struct mover {
+    double phase, speed, until;
+};
+
+enum { STENCIL = 4 };
+
+double widest_between(const struct sample *const stencil[STENCIL], int64_t n, struct mover *room);
 
 /* ---- steps.c: where to look next */
 

@@ -11,7 +11,8 @@
 #define STEP_OF_FLOOR 0x1p-4
 
 struct bracket {
-    int left, right, age, failures, smooth;
+    int before, left, right, after; /* the outer two: known neighbours, or -1 */
+    int age, failures, smooth;
     double width; /* when the present rounds of interpolation began */
 };
 
@@ -39,6 +40,7 @@ struct window {
     void *spectra, *index;
     int64_t n, row, evaluations;
     double step, spacing;
+    int contracts; /* whether growth.c may be asked */
     struct block **block;
     int blocks, samples;
     struct bracket *open, *next; /* of this round and of the next */
@@ -49,6 +51,7 @@ struct window {
     int point_room;
     struct item *items;
     int *position;
+    struct mover *mover;
     double *phase;
     struct edge *edge;
     int64_t edges, edge_room;
@@ -114,7 +117,7 @@ static void window_free(struct window *w) {
     free(w->open), free(w->next), free(w->found);
     free(w->cycle), free(w->angle), free(w->growth), free(w->size), free(w->shorter);
     free(w->guess), free(w->fresh);
-    free(w->items), free(w->position), free(w->phase);
+    free(w->items), free(w->position), free(w->phase), free(w->mover);
     gearstab_index_free(w->index);
     w->order->level->spectra_free(w->spectra);
 }
@@ -128,7 +131,8 @@ static int window_new(struct window *w, const struct order *order) {
     w->items = malloc(2 * (size_t)w->n * sizeof *w->items);
     w->position = malloc((size_t)w->n * sizeof *w->position);
     w->phase = malloc((size_t)w->n * sizeof *w->phase);
-    return w->spectra && w->index && w->items && w->position && w->phase ? 0 : -1;
+    w->mover = malloc(2 * (size_t)w->n * sizeof *w->mover);
+    return w->spectra && w->index && w->items && w->position && w->phase && w->mover ? 0 : -1;
 }
 
 static int room_for_points(struct window *w, int count) {
