@@ -37,6 +37,8 @@ except ImportError:  # where it has no wheel
 if TYPE_CHECKING:
     import h5py
 
+Array = np.ndarray
+
 
 class Sink(io.FileIO):
     """An open file as the driver ``fileobj`` of h5py wants it; closing it leaves the file open."""
@@ -126,8 +128,6 @@ def holds_text(path: str | Path, text: str) -> bool:
             last = found[1 - len(wanted) :]
     return False
 
-
-Array = np.ndarray
 
 LEVEL = 1
 """The fastest that looks for repetitions, of ISA-L and of zlib: higher levels of ISA-L gain nothing."""

@@ -20,6 +20,8 @@ from gearstab.plots.drawing.text import axis_label, tongue_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.view import Request
 
+Array = np.ndarray
+
 COLOURS = (GIVEN, OPTIMUM)
 GREY = "#6e6e6e"
 WORDS = {"initial": "given"}
@@ -109,7 +111,6 @@ KIND = Kind("design", "growth rates, or the objective, and regions of the given 
             lambda contents: contents.holds(NAME))  # fmt: skip
 
 
-Array = np.ndarray
 LABELLED = 8
 """Designs with a number and their values."""
 

@@ -17,6 +17,8 @@ from gearstab.plots.drawing.text import axis_label, fitted, path_words, short_la
 from gearstab.plots.kinds import Kind
 from gearstab.plots.view import Request
 
+Array = np.ndarray
+
 NAME = "design"
 GIVEN, OPTIMUM = "#8a8a8a", "#0b6fa4"
 """Colours of the given design and of the best one."""
@@ -47,7 +49,6 @@ def objective_label(data: xr.Dataset, place: int = 0) -> str:
     return str(data["objective"].values[place]).replace("_", " ") + (f" ({unit})" if unit else "")
 
 
-Array = np.ndarray
 LINES = 7
 """Contour lines."""
 

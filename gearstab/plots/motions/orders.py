@@ -22,6 +22,9 @@ from gearstab.plots.motions.speeds import in_decibels, level_label, tall_enough
 from gearstab.plots.view import Request
 from gearstab.results.display import CYCLES, FACTOR, FREQUENCY, SHOWN_SCALE, SPEEDS
 
+Array = np.ndarray
+Artists = dict[str, Any]
+
 VARIABLE = "mesh_force_spectrogram"
 DECADES = 3.0
 """Amplitudes below this many decades under the largest one stay white."""
@@ -139,9 +142,6 @@ WATERFALL = Kind(
     lambda c: not c.axes and c.holds("response") and VARIABLE in c.tree["response"].data_vars,
 )  # fmt: skip
 
-
-Artists = dict[str, Any]
-Array = np.ndarray
 
 PARTS = {"mesh": "mesh force", "bearing": "bearing force", "shaft": "shaft torque"}
 """Dimensions of what carries a force, and what it is."""

@@ -21,6 +21,9 @@ from gearstab.plots.drawing.text import bracketed, fitted, plain
 from gearstab.plots.kinds import Kind
 from gearstab.plots.view import Request
 
+Array = np.ndarray
+Artists = dict[str, Any]
+
 PIECE = 5000
 """Samples drawn at once. Matplotlib splits longer lines itself and drops two segments wherever it does."""
 MOST_VECTORS = 20_000
@@ -40,9 +43,6 @@ def draw_long_line(
     ax.autoscale_view()
     return line
 
-
-Array = np.ndarray
-Artists = dict[str, Any]
 
 MOST_PANELS = 12
 LARGEST = 1e200

@@ -29,6 +29,9 @@ from gearstab.plots.maps import curve, overlays
 from gearstab.plots.view import Request, View, caption, view_along
 from gearstab.results.display import SPEEDS
 
+Array = np.ndarray
+Artists = dict[str, Any]
+
 DECIBEL = "dB"
 REFERENCES = {
     "N": (1e-6, r"1 $\mathrm{\mu N}$"), "N m": (1e-6, r"1 $\mathrm{\mu N\,m}$"), "m": (1e-12, "1 pm"),
@@ -68,9 +71,6 @@ def tall_enough(ax: Axes, values: Array, request: Request) -> None:
         air = 0.06 * (min(SPAN, top - low) or 1.0)
         ax.set_ylim(max(low - air, top - SPAN), top + air)
 
-
-Array = np.ndarray
-Artists = dict[str, Any]
 
 MEASURES = ("dynamic_load_factor", "mesh_force_peak", "transmission_error_peak_to_peak")
 """Variables drawn without --variable: the first of these that has values."""
