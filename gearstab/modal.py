@@ -138,9 +138,10 @@ def mean_modes(system: GearSystem) -> Modes:
     deflection = _deflections(system, shapes)
     magnitude = _magnitude(system, shapes, deflection)
     values = rounded(values, magnitude)
-    mixed = (values == 0) & ~_undeflected(deflection)
-    if np.any(mixed & (np.sum(values == 0, axis=-1, keepdims=True) > 1)):
-        shapes = _rigid_apart(values == 0, shapes, deflection)
+    zero = values == 0
+    several = np.sum(zero, axis=-1) > 1
+    if np.any(several) and np.any((zero & ~_undeflected(deflection))[several]):
+        shapes = _rigid_apart(zero, shapes, deflection)
         deflection = _deflections(system, shapes)
         magnitude = _magnitude(system, shapes, deflection)
     leading = np.take_along_axis(shapes, np.argmax(np.abs(shapes), axis=-2)[..., None, :], axis=-2)
@@ -153,7 +154,7 @@ def _deflections(system: GearSystem, shapes: Array) -> Array:
 
 
 def _magnitude(system: GearSystem, shapes: Array, deflection: Array) -> Array:
-    total = np.abs(np.einsum("...ip,...ij,...jp->...p", shapes, system.stiffness, shapes))
+    total = np.abs(np.sum(shapes * (system.stiffness @ shapes), axis=-2))
     for i, mesh in enumerate(system.meshes):
         level = np.abs(mesh.mean_stiffness) + np.abs(mesh.amplitude)
         total = total + level[..., None] * deflection[..., i] ** 2

@@ -385,7 +385,7 @@ INLINE void backwards(const struct damped *pattern, const double *weight, int64_
                       const struct lyapunov *settings, const struct slopes *slopes, struct lyapunov_room *room,
                       vec radius[2]) {
     vec *p = room->p, *x = room->x, *cosine = room->cosine, *sine = room->sine;
-    for (int64_t s = pattern->segments - 1; s >= 0 && !gearstab_stopped(); s--) {
+    for (int64_t s = pattern->segments - 1; s >= 0 && !(m > FEW_COORDINATES && gearstab_stopped()); s--) {
         const int64_t state = r * pattern->states + pattern->state[s];
         const double fraction = pattern->fractions[r * pattern->segments + s];
         const double *change = change_after(pattern, m, r, s), *added = weight + state * m * m;

@@ -144,8 +144,9 @@ def _family(pattern: Pattern) -> tuple[Array, Array, Array, Array]:
 
 def _scale(values: Array, magnitude: Array) -> Array:
     """``(r, n)``, natural frequencies; the same for close ones, whose basis is turned, and not zero."""
-    start, largest = cluster_start(values), np.zeros_like(magnitude)
-    np.maximum.at(largest, (np.arange(len(values))[:, None], start), magnitude)
+    start = cluster_start(values)
+    first = (start == np.arange(start.shape[1])).ravel()
+    largest = np.maximum.reduceat(magnitude.ravel(), np.flatnonzero(first))[np.cumsum(first) - 1].reshape(start.shape)
     scale = np.sqrt(np.take_along_axis(natural_scale(values, largest), start, axis=1))
     return np.maximum(scale, SMALLEST * scale.max(axis=1, keepdims=True))
 

@@ -221,7 +221,7 @@ def _patterns(
             states, fractions, start = merged(key, lengths[members], edges[members], closed)
             unique, state = np.unique(states, return_inverse=True)
             at = _levels_of(unique, levels.widths)
-            chosen = np.take_along_axis(levels.table[members, None], at[None, :, :, None], axis=3)[..., 0]
+            chosen = levels.table[members[:, None, None], np.arange(at.shape[1]), at]
             part = elastic.subset(index)
             stiffness = part.stiffness_of(chosen)
             patterns.append(Pattern(members, cycles, fractions, start, state, chosen, part, stiffness, closed))
@@ -265,13 +265,12 @@ class _Levels:
 def _levels(system: GearSystem) -> _Levels:
     """The levels of each mesh, the softer and the stiffer one of most; all the mean where it does not vary."""
     waves = [mesh.waveform.levels() for mesh in system.meshes]
-    most = max((wave.shape[-1] for wave in waves), default=1)
-    table = []
-    for mesh, wave in zip(system.meshes, waves, strict=True):
+    counts = [wave.shape[-1] for wave in waves]
+    table = np.zeros((system.rows, len(waves), max(counts, default=1)))
+    for i, (mesh, wave) in enumerate(zip(system.meshes, waves, strict=True)):
         own = np.asarray(mesh.mean_stiffness)[..., None] + 2 * np.asarray(mesh.amplitude)[..., None] * wave
-        table.append(np.pad(system.flat(own, 1), ((0, 0), (0, most - own.shape[-1]))))
-    widths = tuple(max(1, int(wave.shape[-1] - 1).bit_length()) for wave in waves)
-    return _Levels(np.stack(table, axis=1) if table else np.zeros((system.rows, 0, 1)), widths)
+        table[:, i, : counts[i]] = system.flat(own, 1)
+    return _Levels(table, tuple(max(1, (count - 1).bit_length()) for count in counts))
 
 
 def _bits(system: GearSystem, levels: _Levels, counts: Sequence[float], place: Array) -> Array:
