@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 from pydantic import Field
@@ -202,7 +203,7 @@ class Method(ABC):
             return union(indices)
         return tuple(dict.fromkeys(key for index in indices for key in index))
 
-    @property
+    @cached_property
     def results(self) -> tuple[Variable, ...]:
         """The variables that its blocks hold: all but coordinates."""
         return tuple(variable for variable in self.variables() if not variable.coordinate)

@@ -1,9 +1,8 @@
 """Forecast of a sweep: time, memory and size of the file.
 
-A part of a block in the middle of the grid is measured, from a point to a row of mesh frequencies, which share their
-system and what is prepared for it, to several rows, as long as that takes a small part of the time that there is. Parts
-of the same size elsewhere correct it, as points at low mesh frequencies take longer. All points together take their
-mean. Where no part is done in time, the time is not known.
+A part of a block in the middle of the grid is measured: a point, then a row of mesh frequencies, which share their
+system and what is prepared for it, then several rows, as long as that takes a small part of the time that there is. All
+points together take their time as often as it goes into the grid. Where no part is done in time, the time is not known.
 
 Methods that search a range of mesh frequencies have no point to begin with: if no row is done in time, parts of the
 range are tried, of which the theory of the search says how they add up.
@@ -36,11 +35,8 @@ BUDGET = 6.0
 """Seconds for the samples of all methods together."""
 GROWTH = 2.0, 16.0
 """Least and greatest ratio of a sample's size to that before."""
-PART = 1 / 6
-"""Part of the time that is left that a sample may take: those of other places are of its size."""
-PLACES = (1 / 8, 5 / 8, 3 / 8, 7 / 8)
-"""Where else on the grid a sample is taken, in parts of an axis, half an axis further of every second one; the others
-lie in the middle."""
+PART = 1 / 2
+"""Part of the time that is left that a sample may take."""
 DOUBT = 3.0
 """A sample that does not end in so many times what it should take leaves the time unknown."""
 IMPORTS = 0.5
@@ -185,12 +181,16 @@ def work_of(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, flo
         if layout.method.bounded:
             return UNIT * layout.cost * layout.points, 0.0
         return (_of_parts(plan, layout, clock) if ranges else None), 0.0
-    inner = plan.inner(layout)
-    row = 1 if inner is None else layout.chunk[inner]
     # What of a long first sample the points of a row share is not known.
-    known = sample.points > 1 or row == 1 or sample.seconds <= IMPORTS
-    point = _mean(plan, layout, clock, sample) if known else None
-    return None if point is None else point * layout.points, sample.size / sample.points
+    if sample.points == 1 < _row(plan, layout) and sample.seconds > IMPORTS:
+        return None, sample.size
+    return sample.seconds / sample.points * layout.points, sample.size / sample.points
+
+
+def _row(plan: Plan, layout: Layout) -> int:
+    """Number of points of a block that share their system."""
+    inner = plan.inner(layout)
+    return 1 if inner is None else layout.chunk[inner]
 
 
 def _largest(plan: Plan, layout: Layout, clock: Clock) -> Sample | None:
@@ -202,9 +202,7 @@ def _largest(plan: Plan, layout: Layout, clock: Clock) -> Sample | None:
     if last is not None and last.seconds < IMPORTS:
         # What is called for the first time imports and allocates as well.
         last = min(last, _sample(plan, layout, clock, 1.0) or last, key=lambda sample: sample.seconds)
-    inner = plan.inner(layout)
-    row = 1 if inner is None else layout.chunk[inner]
-    size = 1.0
+    row, size = _row(plan, layout), 1.0
     while last is not None and last.points < prod(layout.chunk):
         growth = min(PART * clock.left / max(last.seconds, 1e-6), GROWTH[1])
         if last.points == 1 and clock.left > DOUBT * last.seconds:
@@ -220,29 +218,15 @@ def _largest(plan: Plan, layout: Layout, clock: Clock) -> Sample | None:
     return last
 
 
-def _mean(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float | None:
-    """Return the average seconds of a point, by samples like that in the middle; None where one does not end."""
-    seconds = []
-    for place in PLACES if middle.points < layout.points else ():
-        before = clock.left
-        if before < middle.seconds:
-            break
-        sample = _sample(plan, layout, clock, middle.points, place)
-        if sample is None and before > DOUBT * middle.seconds:
-            return None
-        seconds.append(before / middle.points if sample is None else sample.seconds / sample.points)
-    return float(np.mean(seconds)) if len(seconds) > len(PLACES) // 2 else middle.seconds / middle.points
-
-
-def _sample(plan: Plan, layout: Layout, clock: Clock, size: float, place: float = 0.5) -> Sample | None:
-    """One sample of about ``size`` points somewhere on the grid; None where it does not end in time."""
-    block = block_at(layout, plan.inner(layout), size, place)
+def _sample(plan: Plan, layout: Layout, clock: Clock, size: float) -> Sample | None:
+    """One sample of about ``size`` points in the middle of the grid; None where it does not end in time."""
+    block = middle_block(layout, plan.inner(layout), size)
     found = clock.run(lambda: compute(plan, block).size())
     return None if found is None else Sample(block.points, found[1], found[0])
 
 
-def block_at(layout: Layout, inner: int | None, size: float, place: float = 0.5) -> GridBlock:
-    """A part of a block, of about ``size`` points, at a place in parts of each axis.
+def middle_block(layout: Layout, inner: int | None, size: float) -> GridBlock:
+    """A part of a block, of about ``size`` points, in the middle of the grid.
 
     inner: the axis that is filled before the others, if any; these are parts of the block's own in the same ratio.
     """
@@ -254,9 +238,7 @@ def block_at(layout: Layout, inner: int | None, size: float, place: float = 0.5)
     share = min(1.0, rest / prod(layout.chunk[k] for k in others))
     for k in others:
         shape[k] = max(1, round(layout.chunk[k] * share ** (1 / len(others))))
-    places = [place if k % 2 == 0 or place == 0.5 else (place + 0.5) % 1 for k in range(len(shape))]
-    ends = zip(places, layout.shape, shape, strict=True)
-    start = tuple(min(max(round(p * n - 0.5 * m), 0), n - m) for p, n, m in ends)
+    start = tuple((n - m) // 2 for n, m in zip(layout.shape, shape, strict=True))
     return GridBlock(layout.method.name, 0, start, tuple(shape))
 
 

@@ -28,9 +28,10 @@ from gearstab.sweep.storage.previous import Previous
 from gearstab.system import Array, GearSystem
 from gearstab.version import __version__
 
-MOST = 1 << 20
-"""Size of a block in points of a small system. Each block costs some ten milliseconds of its own, whatever its size: as
-much as the work of 2^17 points; 2^20 are done in a fraction of a second."""
+USUAL, MOST, PIECES = 1 << 20, 1 << 21, 48
+"""Size of a block in points of a small system, and the largest, of a grid that has more than so many of these. Each
+block costs some ten milliseconds of its own, whatever its size: as much as the work of 2^17 points; 2^21 are done in a
+fraction of a second."""
 MOST_BYTES = 1 << 26
 """Size of a block's largest variable."""
 FEW = 8
@@ -150,7 +151,7 @@ def _layout(config: Config, fast: Axis | None, method: Method) -> Layout:
     axes = [axis for axis in axes if axis.name != method.left_out]
     shape = tuple(axis.size for axis in axes)
     cost = method.cost()
-    wanted = MOST / cost
+    wanted = min(max(USUAL, prod(shape) / PIECES), MOST) / cost
     inner = next((k for k, axis in enumerate(axes) if axis is fast), None)
     if inner is not None:
         wanted = max(wanted, shared_points(shape[inner], prod(shape) // shape[inner], cost))

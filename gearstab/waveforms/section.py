@@ -68,17 +68,18 @@ def owners(key: str) -> str:
     return ", ".join(name for name, wave in WAVEFORMS.items() if key in wave.keys.model_fields)
 
 
-def shape_conflicts(mesh: Any, contact_ratio: str = "") -> Iterator[Conflict]:
+def shape_conflicts(mesh: Any, complete: bool = True) -> Iterator[Conflict]:
     """Yield what contradicts itself in ``waveform`` and ``contact_ratio`` of a mesh or term.
 
-    contact_ratio: what to give where it is missing, "" where something else may give it.
+    complete: whether a contact ratio that the waveform needs must be there, as nothing else gives it.
     """
     ratio, wave = mesh.contact_ratio, wave_of(mesh.waveform)
     if wave is None:
         return
     yield from within(mesh, "waveform", lambda section: _conflicts(wave, section))
-    if ratio is None and wave.has_contact_ratio and contact_ratio:
-        yield ("contact_ratio",), "missing", "is missing", f"add contact_ratio: {contact_ratio}"
+    if ratio is None and wave.has_contact_ratio and complete:
+        description = descriptions(type(mesh))["contact_ratio"].rstrip(".")
+        yield ("contact_ratio",), "missing", "is missing", f"add contact_ratio: {description}"
     elif ratio is not None and not wave.has_contact_ratio and not wave.of_teeth:
         hint = "remove it, or choose another waveform"
         yield ("contact_ratio",), "not_applicable", "the waveform has no contact ratio", hint

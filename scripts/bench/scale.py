@@ -18,6 +18,7 @@ from pathlib import Path
 
 import dask
 import numpy as np
+import psutil
 from distributed import LocalCluster
 
 from bench.measuring import show, turns
@@ -85,17 +86,24 @@ def kernel_rate() -> tuple[float, float]:
     return scanned, rated
 
 
+def own_processors() -> float:
+    """Processor seconds of this process and of those that it started and that still run, as schedulers and workers."""
+    running = [psutil.Process(), *psutil.Process().children(recursive=True)]
+    return sum(used.user + used.system for used in (process.cpu_times() for process in running))
+
+
 def sweep(power: int, out: Path, *options: str) -> Cost:
-    """Run the whole command once."""
+    """Run the whole command once; its processors are those of the command and of workers that this process started."""
     settings = [word for text in changes(power) for word in ("--set", text)]
     command = [sys.executable, "-m", "gearstab", "sweep", str(CONFIG), "-o", str(out), "-q", "--overwrite", "--yes"]
-    start = time.perf_counter()
+    start, others = time.perf_counter(), own_processors()
     process = subprocess.Popen([*command, *settings, *options])
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise SystemExit(f"the sweep of 10^{power} points ended with exit code {process.returncode}")
-    return Cost(used.ru_utime + used.ru_stime, time.perf_counter() - start, 1024.0 * used.ru_maxrss)
+    processors = used.ru_utime + used.ru_stime + own_processors() - others
+    return Cost(processors, time.perf_counter() - start, 1024.0 * used.ru_maxrss)
 
 
 def fastest(power: int, out: Path, *options: str) -> Cost:
@@ -130,12 +138,13 @@ def main(largest: int = LARGEST) -> None:
         show(f"Whole sweeps on two threads; the kernel alone: {ways}", headings, table)
         with workers() as address:
             begin = fastest(3, out, "--scheduler", address)
-            away = fastest(LARGEST, out, "--scheduler", address)
-        here = fastest(LARGEST, out, "-j", "2")
-        own = fastest(LARGEST, out, "--scheduler", "local", "-j", "2")
+            away = fastest(largest, out, "--scheduler", address)
+        here = fastest(largest, out, "-j", "2")
+        own = fastest(largest, out, "--scheduler", "local", "-j", "2")
     beyond = (here.clock - start.clock) / (away.clock - begin.clock)
-    print(f"10^{LARGEST} points: two threads {here.clock:.2f} s, two workers that wait {away.clock:.2f} s, throughput "
+    print(f"10^{largest} points: two threads {here.clock:.2f} s, two workers that wait {away.clock:.2f} s, throughput "
           f"{here.clock / away.clock:.2f} of the threads', beyond the start of both commands {beyond:.2f}; "
           f"--scheduler local, which starts its workers, {own.clock:.2f} s, throughput {here.clock / own.clock:.2f}; "
-          f"processor seconds of the commands {here.processors:.2f}, {away.processors:.2f} (without the workers'), "
-          f"{own.processors:.2f}")  # fmt: skip
+          f"processor seconds, those of scheduler and workers included, {here.processors:.2f}, {away.processors:.2f}, "
+          f"{own.processors:.2f}: by them {here.processors / away.processors:.2f} and "
+          f"{here.processors / own.processors:.2f} of the threads' throughput")  # fmt: skip

@@ -221,18 +221,3 @@ def planned(path: Path) -> Plan:
     from gearstab.sweep import plan
 
     return plan(load(path, (), needs=("sweep", "methods")))
-
-
-def test_a_place_that_does_not_end_leaves_the_time_unknown(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As of a system with terms, of whose points some take a hundred times what the middle one takes."""
-    machine = on(Machine(0.0, 1e-3), monkeypatch)
-
-    def compute(plan: Plan, block: GridBlock) -> Machine:
-        machine.now += 100.0 * (block.start[0] == 0)
-        return machine.compute(plan, block)
-
-    monkeypatch.setattr(forecast, "compute", compute)
-    large = replace(plan, layouts=(replace(plan.layouts[0], shape=(40, 5000), chunk=(1, 5000)),))
-    monkeypatch.setattr(forecast, "PLACES", (0.0,))
-    (found,) = forecast.estimate(large, 1).methods
-    assert found.seconds is None

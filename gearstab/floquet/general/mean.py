@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from gearstab.floquet.dispatch import in_modes
 from gearstab.propagation.elastic import ElasticForm, elastic_forms, mean_levels
@@ -70,6 +69,8 @@ def _row(own: ElasticForm, level: Array, size: int) -> tuple[Array, Array, Array
     """(frequency, growth rate, mode) of one row's pairs of exponents: conjugate ones, or two real ones, the largest
     ones first.
     """
+    from scipy.optimize import linear_sum_assignment  # takes as long to load as a small sweep to run
+
     values, vectors = np.linalg.eig(own.generators(level))
     swinging = values.imag > 0
     exponents = np.concatenate([own.rate * values, own.rigid_exponents])

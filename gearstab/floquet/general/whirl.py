@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from gearstab.floquet.general.mean import ROUNDING
 from gearstab.propagation.elastic import ElasticForm, elastic_forms, mean_levels
@@ -107,6 +106,8 @@ class _Follower:
 
     def partners(self, first: _Motions, second: _Motions, low: float, high: float, halvings: int = HALVINGS) -> Array:
         """``(k,)``: which motion of the second speed is that of the first, -1 where it no longer oscillates."""
+        from scipy.optimize import linear_sum_assignment  # takes as long to load as a small sweep to run
+
         mac = first.aligned(second).criterion(second.aligned(first))
         found = np.full(len(first.exponents), -1)
         rows, columns = linear_sum_assignment(mac, maximize=True)

@@ -149,7 +149,7 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
         yield from at_most_one(self, MEANS)
         yield from at_most_one(self, ("epsilon", "amplitude"))
         yield from at_most_one(self, ("damping", "damping_ratio"))
-        yield from shape_conflicts(self)
+        yield from shape_conflicts(self, complete=False)
         yield from given_by_teeth(self)
         yield from following_conflicts(
             self, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"

@@ -25,7 +25,7 @@ from gearstab.config.model.fields import (
     Turns,
     optional,
 )
-from gearstab.config.model.reading import descriptions, known
+from gearstab.config.model.reading import known
 from gearstab.config.model.units import Quantity
 from gearstab.mesh import Mesh
 from gearstab.system import Array
@@ -105,8 +105,7 @@ class ToothMesh(Section):
         yield from (at_most_one if from_teeth or has_own_mean(self) else exactly_one)(self, stiffness)
         varies = from_teeth or (wave is not None and wave.own_variation)
         yield from (at_most_one if varies else exactly_one)(self, variation)
-        description = descriptions(type(self))["contact_ratio"]
-        yield from shape_conflicts(self, "" if from_teeth else description.rstrip("."))
+        yield from shape_conflicts(self, complete=not from_teeth)
         hint = "add damping, the mean of the damping that follows the stiffness"
         yield from known(following_conflicts(self, ("damping",), hint))
         yield from within(self, "transmission_error", TransmissionError.conflicts)

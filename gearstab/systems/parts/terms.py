@@ -53,7 +53,7 @@ class VaryingNumber(Section):
             return
         if amplitude is None and wave is not None and not wave.own_variation:
             yield ("amplitude",), "missing", "is missing", "add amplitude: half the peak-to-peak of the variation"
-        yield from shape_conflicts(self, "c >= 1, the contact ratio of the wave")
+        yield from shape_conflicts(self)
 
 
 class StiffnessPart(VaryingNumber):
