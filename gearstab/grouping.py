@@ -1,14 +1,30 @@
-"""Groups: rows of a table of small integers that are equal, found without sorting whole rows; numbers within groups."""
+"""Groups: rows of a table of small integers that are equal, found without sorting whole rows; numbers within groups;
+tables by columns.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Self
 
 import numpy as np
 
 from gearstab.system import Array
 
 LARGEST = 2**62
+
+
+class Columns:
+    """A dataclass whose fields are arrays over the same items, in their leading dimensions."""
+
+    def chosen(self, index: Array | Sequence[int]) -> Self:
+        """Return some of the items: by position, or by a mask."""
+        return type(self)(*(values[index] for values in vars(self).values()))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """All of several, one after the other."""
+        return cls(*(np.concatenate(column) for column in zip(*(vars(part).values() for part in parts), strict=True)))
 
 
 def equal_rows(table: Array) -> Iterator[tuple[Array, Array]]:

@@ -20,13 +20,14 @@ BELOW = (0.5, 0.9, 0.99, 0.9999)
 """Parts of a critical speed."""
 EQUAL = 1e-6
 """Natural frequencies that differ by less than this part are one."""
+TYPICAL = 1e-9
+"""Part of the largest displacement that is none."""
 
 
-def gear(config: str, speed: float) -> GearSystem:
+def gear(config: str, speed: float, *changes: str) -> GearSystem:
     """A gear of a paper whose carrier turns at a speed, rad/s."""
-    return build(
-        load(CONFIGS / f"{config}.yaml", [f"system.carrier_speed={{speed: {float(speed)!r}}}", PRINTED]).system
-    )
+    turning = f"system.carrier_speed={{speed: {float(speed)!r}}}"
+    return build(load(CONFIGS / f"{config}.yaml", [turning, PRINTED, *changes]).system)
 
 
 def groups(frequency: Array) -> list[Array]:
@@ -77,6 +78,64 @@ def frequencies_split(_: Runs) -> Iterator[Statement]:
     )
 
 
+def whirling_modes(system: GearSystem, speed: float) -> Array:
+    """Motions ``(motions, bodies, 3)`` that oscillate, x, y or radial, tangential, and rotation of each body."""
+    (rotation,), n = system.rotations, system.size
+    assert rotation.gyroscopic is not None
+    assert rotation.centripetal is not None
+    stiffness = system.mean_stiffness_matrix() + speed**2 * rotation.centripetal
+    bottom = -np.linalg.solve(system.mass, np.hstack([stiffness, speed * rotation.gyroscopic]))
+    values, vectors = np.linalg.eig(np.vstack([np.eye(2 * n)[n:], bottom]))
+    shapes = vectors[:n, values.imag > EQUAL * np.abs(values).max()].T
+    return shapes.reshape(len(shapes), -1, 3) / np.abs(shapes).max(axis=1)[:, None, None]
+
+
+def types(modes: Array) -> tuple[list[int], int]:
+    """How many motions are of each type, and how many of none: the central bodies of a rotational mode only rotate and
+    its planets move alike; in a translational one they do not rotate and orbit in circles; in a planet mode they rest.
+    """
+    central, planets = modes[:, :3], modes[:, 3:]
+    orbits = np.abs(central[:, :, :1] + 1j * np.array([1.0, -1.0]) * central[:, :, 1:2]).max(axis=1).min(axis=1)
+    moving, turning = np.abs(central[:, :, :2]).max(axis=(1, 2)), np.abs(central[:, :, 2]).max(axis=1)
+    alike = np.abs(planets - planets[:, :1]).max(axis=(1, 2))
+    # Central bodies at rest orbit in circles of no size.
+    planet = np.maximum(moving, turning) < TYPICAL
+    off = np.stack([np.maximum(moving, alike), np.maximum(turning, orbits)])
+    rotational, translational = ~planet & (off < TYPICAL)
+    counts = [int(kind.sum()) for kind in (rotational, translational, planet)]
+    return counts, len(modes) - sum(counts)
+
+
+def mode_types(_: Runs) -> Iterator[Statement]:
+    """The structure of modes at speed."""
+    cases = [("cooley_parker_2012/at_rest", 800.0, 3), *(("lin_parker_1999/modes", 300.0, n) for n in (4, 5))]
+    found, real = {}, []
+    for config, speed, planets in cases:
+        modes = whirling_modes(gear(config, speed, f"system.planets={planets}"), speed)
+        found[planets] = types(modes)
+        flat = modes.reshape(len(modes), -1)
+        largest = np.take_along_axis(flat, np.abs(flat).argmax(axis=1)[:, None], axis=1)
+        real.append(int((np.abs((flat / largest).imag).max(axis=1) < EQUAL).sum()))
+    listed = "; ".join(
+        f"{n} planets: {', '.join(map(str, counts))} and {none} others" for n, (counts, none) in found.items()
+    )
+    yield Statement(
+        "abstract",
+        "Three types of modes exist, and only these: rotational, translational and planet modes",
+        f"how many are of each type, the free rotation left out: {listed}",
+        all(none == 0 and counts[1:] == [12, 3 * (n - 3)] for n, (counts, none) in found.items()),
+        "no others to 1e-9, twelve translational and 3 (N - 3) planet modes",
+        "Translational modes are no pairs of equal frequency now; central bodies orbit in circles.",
+    )
+    yield Statement(
+        "abstract",
+        "The modes are complex-valued",
+        f"real ones among the modes of 3, 4 and 5 planets: {', '.join(map(str, real))}",
+        not any(real),
+        "none",
+    )
+
+
 def instabilities_at_high_speed(_: Runs) -> Iterator[Statement]:
     """Critical speeds, at which a natural frequency is zero, and what grows beyond."""
     config = "cooley_parker_2012/at_rest"
@@ -120,5 +179,7 @@ high-speed planetary gears with gyroscopic effects", *Journal of Vibration and A
     remarks="""\
 Statements in kind, about the mean system in coordinates that turn with the carrier, with the equations as printed
 (`pin_preload: false`). The numbers printed of both gears at rest are checked by the tests.""",
-    sections={"Natural frequencies over carrier speed": [frequencies_split, instabilities_at_high_speed]},
+    sections={
+        "Natural frequencies over carrier speed": [frequencies_split, mode_types, instabilities_at_high_speed],
+    },
 )

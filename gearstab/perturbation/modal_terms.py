@@ -8,6 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from gearstab.grouping import Columns
 from gearstab.modal import Modes, significant_deflection
 from gearstab.perturbation.tongues import harmonic_at
 from gearstab.system import Array, GearSystem
@@ -15,7 +16,7 @@ from gearstab.waveforms.profile import harmonic
 
 
 @dataclass(frozen=True)
-class ModalTerms:
+class ModalTerms(Columns):
     """Terms of all rows, with the batch flattened.
 
     left, right: ``(rows, n, terms)``, Phi^T u and Phi^T v, what is rounding exactly zero; of no terms where there are
@@ -27,10 +28,6 @@ class ModalTerms:
     right: Array
     stiffness: Array
     damping: Array
-
-    def rows(self, rows: Array) -> ModalTerms:
-        """Return the coefficients of some rows."""
-        return ModalTerms(self.left[rows], self.right[rows], self.stiffness[rows], self.damping[rows])
 
 
 def modal_terms(system: GearSystem, modes: Modes) -> ModalTerms:

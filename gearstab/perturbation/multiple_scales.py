@@ -192,7 +192,7 @@ class ModalQuantities:
 
     def rows(self, rows: Array) -> ModalQuantities:
         arrays = ("frequency", "squared_frequency", "deflection", "damping")
-        return replace(self, terms=self.terms.rows(rows), **{name: getattr(self, name)[rows] for name in arrays})
+        return replace(self, terms=self.terms.chosen(rows), **{name: getattr(self, name)[rows] for name in arrays})
 
 
 def modal_rows(system: GearSystem) -> ModalQuantities:

@@ -32,6 +32,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.grouping import Columns
 from gearstab.perturbation.damped import single_pair, undamped
 from gearstab.system import Array
 
@@ -48,7 +49,7 @@ SAMPLES = 256
 
 
 @dataclass(frozen=True)
-class Reduced:
+class Reduced(Columns):
     """The amplitude equations of pairs of groups with P and Q modes, ``(rows, pairs)`` in front of all arrays.
 
     frequency_p, frequency_q: w. first, second: B and T over 2 sqrt(w_P w_Q) ``(P, Q)``. shift_p, shift_q: E, Hermitian.
@@ -76,10 +77,6 @@ class Reduced:
     def single(self) -> bool:
         """Whether it is one mode against one."""
         return self.first.shape[-2:] == (1, 1)
-
-    def row(self, which: Array) -> Reduced:
-        """Return some pairs alone, with one leading dimension; ``which`` is a mask ``(rows, pairs)``."""
-        return Reduced(*(part[which] for part in vars(self).values()))
 
 
 def adjoint(matrix: Array) -> Array:
@@ -175,7 +172,7 @@ def _hermitian(problem: Reduced) -> tuple[Array, Array]:
     doubtful = ~closed & ~(_unstable_inside(problem, lower, upper) & _unstable_inside(problem, upper, lower))
     if doubtful.any():
         floor = DEFECTIVE * half[doubtful, 0, 0]
-        found = _outermost(problem.row(doubtful), lower[doubtful], upper[doubtful], floor)
+        found = _outermost(problem.chosen(doubtful), lower[doubtful], upper[doubtful], floor)
         lower[doubtful], upper[doubtful] = np.where(np.isnan(found), (lower[doubtful], upper[doubtful]), found)
     return lower, upper
 
@@ -193,7 +190,7 @@ def _unstable_inside(problem: Reduced, edge: Array, other: Array) -> Array:
     for part in INSIDE:
         left = ~found
         if left.any():
-            some = problem.row(left)
+            some = problem.chosen(left)
             found[left] = _growth(some, (edge + part * (other - edge))[left]) > floor[left]
     return found
 
@@ -250,7 +247,7 @@ def _general(problem: Reduced) -> tuple[Array, Array]:
     lower, upper = np.where(np.isinf(reach), -np.inf, np.nan), np.where(np.isinf(reach), np.inf, np.nan)
     some = np.isfinite(reach) & (norm > 0)
     if some.any():
-        part = problem.row(some)
+        part = problem.chosen(some)
         slack = np.linalg.norm(part.shift_p, axis=(-2, -1)) + np.linalg.norm(part.shift_q, axis=(-2, -1))
         slack = slack + norm[some] ** 2 * (1 / part.frequency_p + 1 / part.frequency_q)
         floor = np.where(least[some] > 0, 0.0, DEFECTIVE * norm[some])

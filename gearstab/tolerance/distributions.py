@@ -2,35 +2,87 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from gearstab.system import Array
 
 
-class Distribution(ABC):
-    """A continuous distribution by its distribution function F and the inverse of it."""
+@dataclass(frozen=True)
+class DistributionKind:
+    """A sort of distributions.
 
-    @abstractmethod
-    def below(self, x: Array) -> Array:
-        """Return F(x), the probability of less than x."""
+    law: that of ``scipy.stats`` and its parameters, from the numbers that a configuration gives. central: the number in
+    its middle, where it is most likely. sound: whether numbers describe one; mistake: else, what they have or are, and
+    what to do.
+    """
 
-    @abstractmethod
-    def inverse(self, u: Array) -> Array:
-        """Return the x with F(x) = u."""
+    law: Callable[..., tuple[str, tuple[float, ...]]]
+    central: Callable[..., float]
+    sound: Callable[..., bool]
+    mistake: tuple[str, str]
+
+
+DISTRIBUTIONS: dict[str, DistributionKind] = {
+    "normal": DistributionKind(
+        lambda mean, deviation: ("norm", (mean, deviation)),
+        lambda mean, deviation: mean,
+        lambda mean, deviation: deviation > 0,
+        ("has the standard deviation {1:g}", "write [mean, standard deviation], the latter > 0"),
+    ),
+    "uniform": DistributionKind(
+        lambda low, high: ("uniform", (low, high - low)),
+        lambda low, high: 0.5 * (low + high),
+        lambda low, high: low < high,
+        ("has no range from {0:g} to {1:g}", "write [low, high], low < high"),
+    ),
+    "triangular": DistributionKind(
+        lambda low, mode, high: ("triang", ((mode - low) / (high - low), low, high - low)),
+        lambda low, mode, high: mode,
+        lambda low, mode, high: low <= mode <= high and low < high,
+        ("is not in the order of a triangle", "write [low, mode, high], low <= mode <= high and low < high"),
+    ),
+}
+"""By the key of a configuration."""
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A continuous distribution: one of DISTRIBUTIONS, and its numbers."""
+
+    key: str
+    numbers: tuple[float, ...]
+
+    @cached_property
+    def _law(self) -> Any:
+        from scipy import stats
+
+        name, parameters = DISTRIBUTIONS[self.key].law(*self.numbers)
+        return getattr(stats, name)(*parameters)
 
     @property
-    @abstractmethod
     def central(self) -> float:
         """A number in its middle, where it is most likely."""
+        return DISTRIBUTIONS[self.key].central(*self.numbers)
 
-    @staticmethod
-    @abstractmethod
-    def mistake(numbers: Sequence[float]) -> tuple[str, str] | None:
-        """Return what is wrong with the numbers that are to describe it, and what to do; None for nothing."""
+    @property
+    def mistake(self) -> tuple[str, str] | None:
+        """What is wrong with the numbers, and what to do; None for nothing."""
+        kind = DISTRIBUTIONS[self.key]
+        text, hint = kind.mistake
+        return None if kind.sound(*self.numbers) else (text.format(*self.numbers), hint)
+
+    def below(self, x: Array) -> Array:
+        """Return F(x), the probability of less than x."""
+        return np.asarray(self._law.cdf(x))
+
+    def inverse(self, u: Array) -> Array:
+        """Return the x with F(x) = u."""
+        return np.asarray(self._law.ppf(u))
 
     def outside(self, low: Array, high: Array) -> Array:
         """Return the probability of less than ``low`` or more than ``high``."""
@@ -43,94 +95,3 @@ class Distribution(ABC):
         """
         first, last = self.below(low), self.below(high)
         return np.clip(self.inverse(first + u * (last - first)), low, high)
-
-
-@dataclass(frozen=True)
-class Normal(Distribution):
-    """Normal distribution of mean ``mean`` and standard deviation ``deviation``."""
-
-    mean: float
-    deviation: float
-
-    def below(self, x: Array) -> Array:
-        from scipy.special import ndtr
-
-        return np.asarray(ndtr((np.asarray(x) - self.mean) / self.deviation))
-
-    def inverse(self, u: Array) -> Array:
-        from scipy.special import ndtri
-
-        return np.asarray(self.mean + self.deviation * ndtri(u))
-
-    @property
-    def central(self) -> float:
-        return self.mean
-
-    @staticmethod
-    def mistake(numbers: Sequence[float]) -> tuple[str, str] | None:
-        if numbers[1] > 0:
-            return None
-        return f"has the standard deviation {numbers[1]:g}", "write [mean, standard deviation], the latter > 0"
-
-
-@dataclass(frozen=True)
-class Uniform(Distribution):
-    """Equally likely everywhere between ``low`` and ``high``."""
-
-    low: float
-    high: float
-
-    def below(self, x: Array) -> Array:
-        return np.clip((np.asarray(x) - self.low) / (self.high - self.low), 0.0, 1.0)
-
-    def inverse(self, u: Array) -> Array:
-        return np.asarray(self.low + (self.high - self.low) * u)
-
-    @property
-    def central(self) -> float:
-        return 0.5 * (self.low + self.high)
-
-    @staticmethod
-    def mistake(numbers: Sequence[float]) -> tuple[str, str] | None:
-        if numbers[0] < numbers[1]:
-            return None
-        return f"has no range from {numbers[0]:g} to {numbers[1]:g}", "write [low, high], low < high"
-
-
-@dataclass(frozen=True)
-class Triangular(Distribution):
-    """Triangular distribution: a density that rises from zero at ``low`` to its peak at ``mode`` and falls to zero at
-    ``high``.
-    """
-
-    low: float
-    mode: float
-    high: float
-
-    def below(self, x: Array) -> Array:
-        x = np.clip(x, self.low, self.high)
-        width = self.high - self.low
-        # A side of no width is never divided by.
-        left = (x - self.low) ** 2 / (width * ((self.mode - self.low) or width))
-        right = 1.0 - (self.high - x) ** 2 / (width * ((self.high - self.mode) or width))
-        return np.where(x < self.mode, left, right)
-
-    def inverse(self, u: Array) -> Array:
-        width, u = self.high - self.low, np.asarray(u)
-        left = self.low + np.sqrt(u * width * (self.mode - self.low))
-        right = self.high - np.sqrt((1.0 - u) * width * (self.high - self.mode))
-        return np.where(u * width < self.mode - self.low, left, right)
-
-    @property
-    def central(self) -> float:
-        return self.mode
-
-    @staticmethod
-    def mistake(numbers: Sequence[float]) -> tuple[str, str] | None:
-        if numbers[0] <= numbers[1] <= numbers[2] and numbers[0] < numbers[2]:
-            return None
-        return "is not in the order of a triangle", "write [low, mode, high], low <= mode <= high and low < high"
-
-
-DISTRIBUTIONS: dict[str, type[Distribution]] = {"normal": Normal, "uniform": Uniform, "triangular": Triangular}
-"""By the key of a configuration."""

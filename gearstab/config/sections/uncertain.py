@@ -150,15 +150,11 @@ def uncertainties(
     known = tuple(own for own in found if own is not None)
     plain = {
         own.name: type(section.parameters[own.name])(
-            **{_key(own.distribution): list(vars(own.distribution).values()), "deviation": own.deviation}
+            **{own.distribution.key: list(own.distribution.numbers), "deviation": own.deviation}
         )
         for own in known
     }
     return Uncertainties(known, matrix, groups_of(len(known), pairs)), plain
-
-
-def _key(distribution: Distribution) -> str:
-    return next(key for key, kind in DISTRIBUTIONS.items() if isinstance(distribution, kind))
 
 
 def _uncertain(context: Context, name: str, given: Any, targets: list[Target]) -> Uncertain | None:
@@ -176,13 +172,10 @@ def _uncertain(context: Context, name: str, given: Any, targets: list[Target]) -
     numbers = [_number(context, (*path, key, i), value, unit) for i, value in enumerate(getattr(given, key))]
     if None in numbers:
         return None
-    sound = [float(number) for number in numbers if number is not None]
-    kind = DISTRIBUTIONS[key]
-    mistake = kind.mistake(sound)
-    if mistake is not None:
-        document.report((*path, key), "inconsistent", *mistake, value=document.get((*path, key)))
+    distribution = Distribution(key, tuple(float(number) for number in numbers if number is not None))
+    if distribution.mistake is not None:
+        document.report((*path, key), "inconsistent", *distribution.mistake, value=document.get((*path, key)))
         return None
-    distribution = kind(*sound)
     low, high = domain(first.annotation)
     paths = tuple((place, target.factor) for target in targets for place in target.paths)
     own = Uncertain(name, paths, distribution, given.deviation, low, high)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from gearstab.grouping import Columns
 from gearstab.system import Array
 
 
@@ -31,7 +32,7 @@ class Interval:
 
 
 @dataclass(frozen=True, eq=False)
-class Intervals:
+class Intervals(Columns):
     """The same of K intervals: row, start, stop ``(K,)``; passed, meetings ``(K, 3)``; error, cut ``(K, 2)``."""
 
     row: Array
@@ -54,14 +55,7 @@ class Intervals:
 
     def subset(self, index: Array | Sequence[int]) -> Intervals:
         """Return the intervals at the positions ``index``."""
-        index = np.asarray(index, dtype=int)
-        return Intervals(*(getattr(self, f.name)[index] for f in fields(self)))
-
-    def joined(self, other: Intervals) -> Intervals:
-        """Return both, by row and start."""
-        columns = [np.concatenate([getattr(part, f.name) for part in (self, other)]) for f in fields(self)]
-        order = np.lexsort((columns[1], columns[0]))
-        return Intervals(*(column[order] for column in columns))
+        return self.chosen(np.asarray(index, dtype=int))
 
     def __len__(self) -> int:
         return len(self.row)
@@ -78,6 +72,27 @@ KINDS: dict[str, tuple[Any, ...]] = {
     "row": (int,), "start": (float,), "stop": (float,),
     "passed": (int, 3), "meetings": (int, 3), "error": (float, 2), "cut": (bool, 2),
 }  # fmt: skip
+
+
+def verdicts_at_ends(row: Array, unstable: Array) -> Array:
+    """``(2, r)``: whether the first and the last one of the points of each row, by row and ascending, is unstable."""
+    begin = np.flatnonzero(np.diff(row, prepend=-1))
+    return np.stack([unstable[begin], unstable[np.append(begin[1:], len(row)) - 1]])
+
+
+def paired(ends: Array, row: Array, edge: Array, error: Array, beyond: Array, floor: float) -> Intervals:
+    """Intervals between the edges ``(E,)`` of rows, in cycles, wider than the floor, relatively.
+
+    ends ``(2, r)``: of the range, which cuts an interval where it is unstable, ``beyond`` ``(2, r)``. error ``(E,)``:
+    widths of the brackets.
+    """
+    side, cut_row = np.nonzero(beyond)
+    row, edge = np.append(row, cut_row), np.append(edge, ends[side, cut_row])
+    error, cut = np.append(error, np.zeros(len(side))), np.arange(len(row)) >= len(error)
+    both = np.lexsort((edge, row)).reshape(-1, 2)
+    both = both[np.diff(edge[both], axis=1)[:, 0] > floor * edge[both[:, 0]]]
+    (start, stop), none = edge[both].T, np.zeros((len(both), 3), dtype=int)
+    return Intervals(row[both[:, 0]], start, stop, none, none, error[both], cut[both])
 
 
 def by_row(row: Array, count: int) -> list[Array]:

@@ -5,13 +5,17 @@ mpmath agree) and multipliers over a mesh cycle (carrier frame and fixed frame a
 """
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from driven import breaks, force_and_matrices
 from planetary_gears import parameters
+from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
 
 import gearstab as gs
 from gearstab.config import ConfigError, load
@@ -24,6 +28,7 @@ from gearstab.rotation import factors
 from gearstab.system import GearSystem
 from gearstab.systems import build
 
+Array = np.ndarray
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rotation" / "carrier_speed.json").read_text())
 GEARS, FRAMES = DATA["carrier_speed"]["cases"], DATA["frames"]["cases"]
 BODIES = ("ring", "carrier", "sun", "planet")
@@ -114,6 +119,42 @@ def test_multipliers_over_a_mesh_cycle(case: dict[str, Any]) -> None:
     # Neither of both is one to the root of rounding only, as a double multiplier would be.
     assert left_out.max(initial=0.0) < 1e-12
     assert found.growth_rate[0, 0] == pytest.approx(case["growth_rate"], rel=1e-9)
+
+
+@pytest.mark.parametrize("case", FRAMES, ids=[case["name"] for case in FRAMES])
+def test_growth_in_the_fixed_frame(case: dict[str, Any]) -> None:
+    """X = R(W t) x of every body: no force of the frame is left, and all directions turn instead (DOP853).
+
+    As K(t + T) = R(W T) K(t) R(W T)^T, multipliers over a whole turn are powers of those of R(W T)^-1 P(T).
+    """
+    own, speed, period = case["parameters"], case["carrier_speed_rad_s"], case["mesh_cycle"]
+    rest, omega = built(section(own, 0, case)), case["mesh_frequency_rad_s"]
+    n, pull = rest.size, speed**2 * own["m_p"]
+    pins = np.zeros(n)
+    if case["pin_preload"]:
+        pins[rest.coordinates.index("carrier_rotation")] = own["planets"] * pull * own["k_p"] / (own["k_p"] - pull)
+
+    def frame(angle: float) -> Array:
+        """R: translations of a body turn, its rotation does not."""
+        return np.kron(np.eye(n // 3), Rotation.from_euler("z", angle).as_matrix())
+
+    def rate(t: float, y: Array, stiffness: Array) -> Array:
+        turn, state = frame(speed * t), y.reshape(2 * n, 2 * n)
+        return np.concatenate([state[n:], -turn @ (stiffness @ (turn.T @ state[:n]))]).ravel()
+
+    state = np.eye(2 * n).ravel()
+    for a, b in pairwise(breaks(rest, omega, period)):
+        _, stiffness, _ = force_and_matrices(rest, omega, 0.5 * (a + b))
+        acceleration = np.linalg.solve(rest.mass, stiffness + np.diag(pins))
+        state = solve_ivp(rate, (a, b), state, "DOP853", args=(acceleration,), rtol=1e-12, atol=1e-12).y[:, -1]
+    back = np.kron(np.eye(2), frame(speed * period).T)
+    multipliers = np.linalg.eigvals(back @ state.reshape(2 * n, 2 * n))
+    # The double multiplier one of the free rotation is known to the root of rounding only.
+    others = np.sort(np.abs(multipliers[np.argsort(np.abs(multipliers - 1))[2 * case["pin_preload"] :]]))
+    turning = built(section(own, f"1/{case['ring_teeth']}", case, pin_preload=case["pin_preload"]))
+    growth = solve(turning, np.array([omega])).growth_rate[0, 0]
+    # DOP853 leaves 1e-11 of it.
+    assert np.log(others[-1]) / period == pytest.approx(growth, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("damping_ratio", [0.0, 1e-6, 0.02])

@@ -19,7 +19,7 @@ second matrix M' a tiny step in the cycle later, as the diagonal of X^-1 M' X.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from gearstab.floquet.boundaries.damped.proof import MODULI
 from gearstab.floquet.boundaries.damped.scan import Scan
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
-from gearstab.grouping import numbered
+from gearstab.grouping import Columns, numbered
 from gearstab.system import Array
 
 RASTER = 4
@@ -149,7 +149,7 @@ class Logarithms:
 
 
 @dataclass(frozen=True)
-class Approaches:
+class Approaches(Columns):
     """Pairs of multipliers, and where they are expected to meet.
 
     row, cycle ``(A,)``. mean: half of the sum of their logarithms there. squared: S^2. step: how far the cycle is from
@@ -161,15 +161,6 @@ class Approaches:
     mean: Array
     squared: Array
     step: Array
-
-    def chosen(self, index: Array) -> Approaches:
-        """Some of them."""
-        return Approaches(*(getattr(self, f.name)[index] for f in fields(self)))
-
-    @classmethod
-    def joined(cls, parts: list[Approaches]) -> Approaches:
-        """All of several."""
-        return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
 
 def approaches(chain: Chain, row: Array, cycle: Array, near: Array, every: Array) -> Approaches:

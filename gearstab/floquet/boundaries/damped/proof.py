@@ -22,7 +22,7 @@ import numpy as np
 from gearstab.floquet.boundaries.damped.roots import RootBrackets, narrowed
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
-from gearstab.grouping import numbered
+from gearstab.grouping import Columns, numbered
 from gearstab.system import Array
 
 PROVED, FAILED, EDGE = range(3)
@@ -59,7 +59,7 @@ SPECTRUM = 70.0
 
 
 @dataclass
-class MultiplierSamples:
+class MultiplierSamples(Columns):
     """Points (row, x) ``(P,)`` and ln |lambda| of all multipliers there ``(P, m)``, descending."""
 
     row: Array
@@ -71,15 +71,9 @@ class MultiplierSamples:
         """``(P,)``, the number of multipliers outside the unit circle."""
         return (self.logs > 0).sum(axis=1)
 
-    def joined(self, other: MultiplierSamples) -> MultiplierSamples:
-        """Both, in this order."""
-        return MultiplierSamples(
-            *(np.concatenate(pair) for pair in zip(vars(self).values(), vars(other).values(), strict=True))
-        )
-
 
 @dataclass
-class Items:
+class Items(Columns):
     """Stretches low..high around x, or single points, in order of (row, low): their number of multipliers outside."""
 
     row: Array
@@ -95,14 +89,9 @@ class Items:
         numbers, floats = np.empty(0, dtype=int), np.empty(0)
         return cls(numbers, floats, floats, floats, numbers, numbers)
 
-    def chosen(self, index: Array) -> Items:
-        """Some of them."""
-        return Items(*(values[index] for values in vars(self).values()))
-
-    def joined(self, *others: Items) -> Items:
+    def added(self, other: Items) -> Items:
         """All, in order, without what lies in a stretch: ``high`` ascends, and gaps are between neighbours."""
-        parts = zip(*(vars(items).values() for items in (self, *others)), strict=True)
-        every = Items(*(np.concatenate(part) for part in parts))
+        every = Items.joined([self, other])
         every = every.chosen(np.lexsort((-every.high, every.low, every.row)))
         inner = np.zeros(len(every.row), dtype=bool)
         inner[1:] = (np.diff(every.row) == 0) & (every.high[1:] <= running_maximum(every.row, every.high)[:-1])
@@ -118,7 +107,7 @@ def running_maximum(row: Array, values: Array) -> Array:
 
 
 @dataclass
-class Gaps:
+class Gaps(Columns):
     """Stretches between neighbouring items: left..right, and the positions of both items."""
 
     row: Array
@@ -131,10 +120,6 @@ class Gaps:
     def width(self) -> Array:
         """right - left."""
         return self.right - self.left
-
-    def chosen(self, index: Array) -> Gaps:
-        """Some of them."""
-        return Gaps(*(values[index] for values in vars(self).values()))
 
 
 class Cover:
@@ -157,7 +142,7 @@ class Cover:
         """Multipliers at further points, which are kept; rows ascend."""
         found = MultiplierSamples(row, x, c_points.moduli(self.chain, row, np.exp(x)))
         self.count(row, MODULI + self.chain.exponential)
-        self.samples = self.samples.joined(found)
+        self.samples = MultiplierSamples.joined([self.samples, found])
         return found
 
     def count(self, row: Array, products: float) -> None:
@@ -182,7 +167,7 @@ class Cover:
         high = np.minimum(found.x + np.log1p(radius[:, 0]), self.last[found.row])
         low = np.maximum(found.x + np.log1p(-radius[:, 1]), self.first[found.row])
         kind = np.where(low < high, PROVED, FAILED)
-        self.items = self.items.joined(Items(found.row, low, high, found.x, found.outside, kind))
+        self.items = self.items.added(Items(found.row, low, high, found.x, found.outside, kind))
 
     def gaps(self) -> Gaps:
         """All of them."""
@@ -222,7 +207,7 @@ class Cover:
         inner = (x > np.repeat(gaps.left, 2)) & (x < np.repeat(gaps.right, 2))
         found = self.sample(row[inner], x[inner])
         kind = np.full(len(found.row), EDGE)
-        self.items = self.items.joined(Items(found.row, found.x, found.x, found.x, found.outside, kind))
+        self.items = self.items.added(Items(found.row, found.x, found.x, found.x, found.outside, kind))
         self.settled = np.append(self.settled, (gaps.row + 1j * gaps.left)[wrong])
 
     def wanted(self, gaps: Gaps, floor: float) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ from gearstab.floquet.boundaries.damped.meetings import RASTER, pursue, pursue_b
 from gearstab.floquet.boundaries.damped.proof import MODULI, PROVED, SPECTRUM, Cover, cover, damping_ratio
 from gearstab.floquet.boundaries.damped.roots import RootBrackets, narrowed
 from gearstab.floquet.boundaries.damped.scan import STEP, Scan
-from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
+from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row, paired, verdicts_at_ends
 from gearstab.floquet.boundaries.undamped import search as undamped
 from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel import damped as general
@@ -254,23 +254,13 @@ def _changes(scan: Scan) -> Array:
 
 
 def _intervals(scan: Scan, first: Array, last: Array, floor: float) -> Intervals:
-    """Pair the edges of each row; a region that reaches an end of the range is cut there."""
-    change, result = _changes(scan), []
+    """Pair the edges of each row."""
+    change = _changes(scan)
     smaller = np.abs(scan.growth[change]) < np.abs(scan.growth[change + 1])
     root = np.exp(np.where(smaller, scan.x[change], scan.x[change + 1]))
     error = root * (scan.x[change + 1] - scan.x[change])
-    of_row = by_row(scan.row[change], len(first))
-    samples = by_row(scan.row, len(first))
-    for row, (own, mine) in enumerate(zip(of_row, samples, strict=True)):
-        cut = (bool(scan.growth[mine[0]] > 0), bool(scan.growth[mine[-1]] > 0))
-        edges = [(float(root[k]), float(error[k])) for k in own]
-        edges = [(float(first[row]), 0.0)] * cut[0] + edges + [(float(last[row]), 0.0)] * cut[1]
-        pairs = list(zip(edges[::2], edges[1::2], strict=True))
-        for k, ((start, wrong), (stop, other)) in enumerate(pairs):
-            ends = (cut[0] and k == 0, cut[1] and k == len(pairs) - 1)
-            if stop - start > floor * start:
-                result.append(Interval(row, start, stop, error=(wrong, other), cut=ends))
-    return Intervals.of(result)
+    beyond = verdicts_at_ends(scan.row, scan.growth > 0)
+    return paired(np.stack([first, last]), scan.row[change], root, error, beyond, floor)
 
 
 def _peaks(scan: Scan, intervals: Intervals) -> list[Array]:

@@ -15,9 +15,9 @@ import numpy as np
 from gearstab.floquet.boundaries.damped.proof import running_maximum
 from gearstab.floquet.boundaries.damped.search import SearchResult, Stretches
 from gearstab.floquet.boundaries.gyroscopic.phases import KreinPhases
-from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
+from gearstab.floquet.boundaries.intervals import Intervals, paired, verdicts_at_ends
 from gearstab.floquet.general.canonical import CanonicalPeriods
-from gearstab.grouping import numbered
+from gearstab.grouping import Columns, numbered
 from gearstab.interrupts import heed
 from gearstab.system import Array
 
@@ -65,7 +65,7 @@ def search(periods: CanonicalPeriods, first: Array, last: Array, tolerance: floa
 
 
 @dataclass(frozen=True)
-class VerdictGaps:
+class VerdictGaps(Columns):
     """Gaps that stretches leave between neighbouring points ``before`` and ``before + 1``: left..right, and whether the
     verdicts differ; radius: the mean one of both.
     """
@@ -81,10 +81,6 @@ class VerdictGaps:
     def width(self) -> Array:
         """right - left."""
         return self.right - self.left
-
-    def chosen(self, index: Array) -> VerdictGaps:
-        """Some of them."""
-        return VerdictGaps(*(values[index] for values in vars(self).values()))
 
     def open(self, tolerance: float, floor: float) -> Array:
         """Return which are too wide."""
@@ -161,17 +157,6 @@ class VerdictCover:
         return 0.5 * (low + high), high - low
 
     def intervals(self, edges: VerdictGaps, place: Array, width: Array, floor: float) -> Intervals:
-        """Pair the edges of each row; an interval that reaches an end of the range is cut there."""
-        rows, result = len(self.first), []
-        points = by_row(self.row, rows)
-        for row, own in enumerate(by_row(edges.row, rows)):
-            cut = bool(self.unstable[points[row][0]]), bool(self.unstable[points[row][-1]])
-            ends = [(float(place[k]), float(width[k])) for k in own]
-            ends = [(float(self.first[row]), 0.0)] * cut[0] + ends + [(float(self.last[row]), 0.0)] * cut[1]
-            pairs = list(zip(ends[::2], ends[1::2], strict=True))
-            for k, ((start, wrong), (stop, other)) in enumerate(pairs):
-                if stop - start > floor:
-                    begin, end = float(np.exp(start)), float(np.exp(stop))
-                    at_ends = (cut[0] and k == 0, cut[1] and k == len(pairs) - 1)
-                    result.append(Interval(row, begin, end, error=(wrong * begin, other * end), cut=at_ends))
-        return Intervals.of(result)
+        """Pair the edges of each row."""
+        cycle, ends = np.exp(place), np.exp(np.stack([self.first, self.last]))
+        return paired(ends, edges.row, cycle, width * cycle, verdicts_at_ends(self.row, self.unstable), floor)

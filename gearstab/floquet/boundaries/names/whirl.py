@@ -13,7 +13,7 @@ Motions are numbered by ascending frequency *at that speed*.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from gearstab.floquet.boundaries.intervals import Intervals
 from gearstab.floquet.boundaries.names.labels import BAND
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
-from gearstab.grouping import numbered
+from gearstab.grouping import Columns, numbered
 from gearstab.system import Array
 
 PLACES = 0.5, 0.1, 0.9
@@ -53,7 +53,7 @@ class WhirlRoot:
 
 
 @dataclass(frozen=True)
-class WhirlPairs:
+class WhirlPairs(Columns):
     """The leading pair of motions at each of P places, as of :class:`WhirlRoot`, and its share ``(P,)``."""
 
     p: Array
@@ -65,11 +65,6 @@ class WhirlPairs:
     def root(self, k: int) -> WhirlRoot:
         """Return that of a place."""
         return WhirlRoot(int(self.p[k]), int(self.q[k]), int(self.cycles[k]), bool(self.difference[k]))
-
-    @classmethod
-    def joined(cls, parts: list[WhirlPairs]) -> WhirlPairs:
-        """All of several."""
-        return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
 
 
 def named(chain: Chain, intervals: Intervals, size: int) -> list[tuple[WhirlRoot, ...]]:

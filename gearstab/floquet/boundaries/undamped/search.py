@@ -94,7 +94,8 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
     if collision.any():
         narrow, more = _narrow(pattern, edges[collision], tolerance, floor)
         np.subtract.at(contacts, narrow.row, narrow.meetings)
-        intervals, extra = intervals.joined(narrow), extra + more
+        intervals, extra = Intervals.joined([intervals, narrow]), extra + more
+        intervals = intervals.chosen(np.lexsort((intervals.start, intervals.row)))
     # A collision beside +-1 is one of the complex conjugates too.
     return Search(intervals, np.maximum(contacts, 0) @ [1, 1, 2], reach["evaluations"] + extra)
 
