@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.drawing.style import CASES, new_frame, write_title
+from gearstab.plots.drawing.style import CASES, new_frame, write_legend, write_title
 from gearstab.plots.kinds import Kind
 from gearstab.plots.view import Request
 
@@ -29,7 +29,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         raise PlotError("no method of this benchmark has an error and a time: there is nothing to draw")
     figure, ax = new_frame(request, (0.95, 0.6))
     lines = draw_methods(ax, tree["bench"].to_dataset())
-    figure.legend(handles=lines, loc="outside lower center", ncols=2, fontsize=6.5, handlelength=1.6)
+    write_legend(figure, lines, ax=request.ax)
     write_title(figure, tree, request)
     return figure, {"lines": lines}
 

@@ -136,6 +136,20 @@ def test_a_style_sheet_changes_the_figure_and_nothing_after_it(tmp_path):
     assert dict(mpl.rcParams) == before
 
 
+def test_every_mistake_of_a_style_sheet_is_a_line(tmp_path):
+    sheet = tmp_path / "mine.mplstyle"
+    sheet.write_text("lines.linewidth: wide\naxes.nothing: 3\nfont.size 8\nfont.size: 8\n")
+    with pytest.raises(PlotError) as told:
+        draw(made.response(), dpi=80, style=str(sheet))
+    found = str(told.value).splitlines()
+    assert all(line.startswith(f"--style {sheet}: line ") for line in found)
+    assert sorted(int(line.split("line ")[1].split(":")[0]) for line in found) == [1, 2, 3]
+    assert any("'wide'" in line for line in found)
+    sheet.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(PlotError, match="is not a text file"):
+        draw(made.response(), dpi=80, style=str(sheet))
+
+
 def test_text_by_latex_escapes_names_and_needs_its_programs(tmp_path, monkeypatch):
     """Names of users are text: LaTeX would read an ampersand or an underscore as an instruction."""
     monkeypatch.setattr("gearstab.plots.drawing.style.which", lambda program: f"/programs/{program}")

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError
 from gearstab.plots.axes import mesh_numbers
-from gearstab.plots.design.objective import GIVEN, NAME, OPTIMUM, design_of, symbol_of
+from gearstab.plots.design.objective import GIVEN, NAME, OPTIMUM, design_of, objective_label, symbol_of
 from gearstab.plots.drawing.style import LINE, SHADE, new_figure, write_legend, write_title
 from gearstab.plots.drawing.text import axis_label, tongue_label
 from gearstab.plots.kinds import Contents, Kind
@@ -123,9 +123,9 @@ def draw_front(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, A
     objectives = data["design_objective"].values
     pairs = list(combinations(range(objectives.shape[1]), 2))
     picked = labelled(objectives)
-    columns = min(3, ceil(np.sqrt(len(pairs) + 1)))
+    columns = min(3, ceil(np.sqrt(len(pairs) + 1))) if request.wide("double") else 1
     rows = ceil((len(pairs) + 1) / columns)
-    figure = new_figure(request, 0.1 + 0.4 * rows * 2 / columns, "double")
+    figure = new_figure(request, 0.1 + (0.8 if columns > 1 else 0.65) * rows / columns, "double")
     axes = np.ravel(figure.subplots(rows, columns, squeeze=False))
     artists: dict[str, Any] = {"fronts": [], "labels": [], "marks": {}}
     for ax, (i, j) in zip(axes, pairs, strict=False):
@@ -149,7 +149,7 @@ def draw_pair(ax: Axes, data: xr.Dataset, i: int, j: int, picked: Array, artists
     """The front over two of the objectives, the given design and the compromise."""
     objectives, names = data["design_objective"].values, [str(name) for name in data["objective"].values]
     order = np.argsort(objectives[:, i], kind="stable")
-    ax.margins(0.08)
+    ax.margins(0.12)
     # Of three or more objectives the front is a surface: designs next to each other here need not be so on it.
     (line,) = ax.plot(objectives[order, i], objectives[order, j], color=LINE, marker="o", markersize=2.5, linewidth=0.6,
                       linestyle="-" if len(names) == 2 else "none", label="front")  # fmt: skip
@@ -165,13 +165,13 @@ def draw_pair(ax: Axes, data: xr.Dataset, i: int, j: int, picked: Array, artists
                                              markersize=7, label=words, zorder=3)  # fmt: skip
     for k in picked:
         text = ax.annotate(
-            str(int(data["design"].values[k])), (objectives[k, i], objectives[k, j]), xytext=(3, 3),
+            str(int(data["design"].values[k])), (objectives[k, i], objectives[k, j]), xytext=(4, 3),
             textcoords="offset points", fontsize=7,
         )  # fmt: skip
         artists["labels"].append(text)
     artists["fronts"].append(line)
-    ax.set_xlabel(names[i].replace("_", " "))
-    ax.set_ylabel(names[j].replace("_", " "))
+    ax.set_xlabel(objective_label(data, i))
+    ax.set_ylabel(objective_label(data, j))
 
 
 def listed(tree: xr.DataTree, data: xr.Dataset, picked: Array) -> str:

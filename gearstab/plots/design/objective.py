@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import mesh_numbers
 from gearstab.plots.drawing.style import GROWTH, LINE, new_figure, write_legend, write_title
-from gearstab.plots.drawing.text import axis_label, fitted, path_words, short_label, unit_text
+from gearstab.plots.drawing.text import axis_label, bracketed, fitted, path_words, short_label
 from gearstab.plots.kinds import Kind
 from gearstab.plots.view import Request
 
@@ -43,10 +43,10 @@ def symbol_of(tree: xr.DataTree, variable: str) -> str:
 
 
 def objective_label(data: xr.Dataset, place: int = 0) -> str:
-    """An objective with its unit."""
-    units = data["objective_optimum"].attrs.get("units", "1")
-    unit = unit_text(str(units))
-    return str(data["objective"].values[place]).replace("_", " ") + (f" ({unit})" if unit else "")
+    """An objective with its unit: that of the quantity, or of the sum that all objectives are."""
+    name = str(data["objective"].values[place])
+    units = dict(zip(data["quantity"].values, data["quantity_units"].values, strict=True)) if "quantity" in data else {}
+    return name.replace("_", " ") + bracketed(str(units.get(name, data["objective_optimum"].attrs.get("units", "1"))))
 
 
 LINES = 7
@@ -177,7 +177,7 @@ def draw_tornado(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str,
     ax.set_yticks(place, [f"{name} = {text}" for name, text in zip(names, texts, strict=True)])
     ax.tick_params(axis="y", which="both", length=0)
     ax.set_xlabel(objective_label(data))
-    figure.legend(handles=bars, loc="outside lower center", ncols=2)
+    write_legend(figure, bars)
     write_title(figure, tree, request)
     return figure, {"lower": bars[0], "higher": bars[1]}
 

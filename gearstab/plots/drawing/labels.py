@@ -131,6 +131,8 @@ CROWD = 1000
 """Points of lines that a mark, or another number, counts as under a number."""
 CLEAR = 0.5
 """Points around a number that are kept clear."""
+TIMES = r"$\times$"
+"""Between the number of an order and its mesh."""
 
 
 def order_colour(number: int, count: int) -> str:
@@ -149,7 +151,7 @@ def draw_order(ax: Axes, slope: float, level: float, half: int, colour: str, mes
         return None
     look = "-" if half % 2 == 0 else (0, (4, 2))
     (line,) = ax.plot(x, y, color=colour, linestyle=look, linewidth=0.6, alpha=0.85, zorder=1.5)
-    line.set_label(f"{0.5 * half:g}$\\times${mesh}")
+    line.set_label(f"{0.5 * half:g}{TIMES}{mesh}")
     return line
 
 
@@ -158,37 +160,59 @@ def number_orders(
 ) -> None:
     """Write on every line its number, as far to the right as nothing else lies there; the frame must have settled.
 
-    Where something lies everywhere it is where least does. A line too low or too short for its number has none.
-    curves, marks: what else is drawn.
+    Where something lies everywhere it is where least does. Lines of one mesh along the edge of the frame, where their
+    numbers do not fit, share one beside it. curves, marks: what else is drawn.
     """
     frame = ax.get_window_extent()
     columns = np.linspace(frame.x0, frame.x1, ACROSS)
     heights = [_heights(line, columns) for line in [*orders, *curves]]
     points = [ax.transData.transform(np.asarray(mark.get_offsets())) for mark in marks]
     crowd = np.concatenate(points) if points else np.zeros((0, 2))
+    left: dict[str, list[int]] = {}
     for k, order in enumerate(orders):
-        text = ax.text(
-            0.0, 0.0, str(order.get_label()), ha="center", va="center", fontsize=SIZE, color=order.get_color()
-        )
-        text.set(path_effects=HALO, zorder=4)
-        box = text.get_window_extent()
-        half = 0.5 * np.array([box.width, box.height]) + CLEAR * ax.figure.dpi / 72
-        middle = np.column_stack([columns, heights[k]])
-        inside = np.all((middle - half >= frame.min) & (middle + half <= frame.max), axis=1)
-        if not inside.any():
-            text.remove()
-            continue
-        cost = CROWD * np.sum(np.all(np.abs(middle[:, None] - crowd) < half, axis=-1), axis=-1)
-        near = np.abs(columns[:, None] - columns) < half[0]
-        for j, height in enumerate(heights):
-            if j != k:
-                with np.errstate(invalid="ignore"):
-                    cost += np.sum(near & (np.abs(middle[:, None, 1] - height) < half[1]), axis=1)
-        cost = np.where(inside, cost, np.iinfo(int).max)
-        best = ACROSS - 1 - int(np.argmin(cost[::-1]))
-        x, y = ax.transData.inverted().transform(middle[best])
-        text.set_position((float(x), float(y)))
-        crowd = np.concatenate([crowd, _corners(middle[best], half)])
+        others = [*heights[:k], *heights[k + 1 :]]
+        taken = _number(ax, str(order.get_label()), order, columns, heights[k], others, crowd)
+        crowd = np.concatenate([crowd, taken])
+        if not len(taken):
+            left.setdefault(str(order.get_color()), []).append(k)
+    for own in left.values():
+        numbers, mesh = zip(*(str(orders[k].get_label()).split(TIMES, 1) for k in own), strict=True)
+        words, others = ", ".join(numbers) + TIMES + mesh[0], [h for k, h in enumerate(heights) if k not in own]
+        taken = _number(ax, words, orders[own[-1]], columns, heights[own[-1]], others, crowd, beside=True)
+        crowd = np.concatenate([crowd, taken])
+
+
+def _number(
+    ax: Axes, words: str, order: Line2D, columns: Array, height: Array, others: Sequence[Array], crowd: Array,
+    beside: bool = False,
+) -> Array:  # fmt: skip
+    """Write words on a line; returns points of the room they take, none where there is none.
+
+    height, others: of the line and of all others over ``columns``, in pixels. beside: move words that do not fit into
+    the frame, however near its edge the line is.
+    """
+    frame = ax.get_window_extent()
+    text = ax.text(0.0, 0.0, words, ha="center", va="center", fontsize=SIZE, color=order.get_color())
+    text.set(path_effects=HALO, zorder=4)
+    box = text.get_window_extent()
+    half = 0.5 * np.array([box.width, box.height]) + CLEAR * ax.figure.dpi / 72
+    middle = np.column_stack([columns, height])
+    inside = np.all((middle - half >= frame.min) & (middle + half <= frame.max), axis=1)
+    if beside:
+        inside = (height >= frame.y0) & (height <= frame.y1)
+        middle = np.clip(middle, frame.min + half, frame.max - half)
+    if not inside.any():
+        text.remove()
+        return np.zeros((0, 2))
+    cost = CROWD * np.sum(np.all(np.abs(middle[:, None] - crowd) < half, axis=-1), axis=-1)
+    near = np.abs(middle[:, :1] - columns) < half[0]
+    for other in others:
+        with np.errstate(invalid="ignore"):
+            cost += np.sum(near & (np.abs(middle[:, None, 1] - other) < half[1]), axis=1)
+    best = ACROSS - 1 - int(np.argmin(np.where(inside, cost, np.iinfo(int).max)[::-1]))
+    x, y = ax.transData.inverted().transform(middle[best])
+    text.set_position((float(x), float(y)))
+    return _corners(middle[best], half)
 
 
 def _heights(line: Line2D, columns: Array) -> Array:

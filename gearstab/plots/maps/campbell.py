@@ -405,7 +405,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         ax.set_xlabel(fitted(view.x.label, 0.85 * figure.get_figwidth() / columns, 8.5))
         ax.set_ylabel("frequency" + bracketed(words))
         if len(panels) > 1:
-            ax.set_title(f"({chr(97 + number)})  {caption(view.free, index)}", loc="left", pad=18)
+            room = 18 if panels[0].regions else None
+            ax.set_title(f"({chr(97 + number)})  {caption(view.free, index)}", loc="left", pad=room)
             ax.label_outer()
     legend = write_legend(figure, legend_handles(panels, drawn), ax=request.ax)
     write_title(figure, tree, request, view)

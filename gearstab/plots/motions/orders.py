@@ -257,7 +257,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
             each = ", ".join(f"{float(multiples[s]) * cycles * ratios[k]:.5g}" for s in shown)
             ax.set_ylim(top=ax.get_ylim()[1] + 0.12 * float(np.ptp(ax.get_ylim())))
             ax.text(
-                0.99, 0.96, f"orders of the input shaft: {each}", transform=ax.transAxes, ha="right", va="top",
+                0.97, 0.94, f"orders of the input shaft: {each}", transform=ax.transAxes, ha="right", va="top",
                 fontsize=6,
             )  # fmt: skip
     axes[0].set_xlim(*speed.values[rising][[0, -1]])

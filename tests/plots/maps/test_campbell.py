@@ -10,6 +10,9 @@ from scipy.linalg import eigh, qr
 import gearstab
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
+from gearstab.plots.drawing.labels import draw_order, number_orders
+from gearstab.plots.drawing.names import settle
+from gearstab.plots.drawing.style import new_frame
 from gearstab.plots.maps.branches import followed
 from gearstab.plots.maps.campbell import said
 from gearstab.plots.view import Request
@@ -275,3 +278,21 @@ def test_every_mode_below_the_top_is_named_once() -> None:
             first, _, last = part.partition("\N{EN DASH}")
             numbers += range(int(first), int(last or first) + 1)
     assert sorted(numbers) == list(range(1, count + 1))
+
+
+@pytest.mark.parametrize("slopes", [(0.5, 1.0, 1.5), (0.5,), (0.5, 1.0, 40.0), (4000.0,)])
+def test_orders_along_the_edge_of_the_frame_have_numbers_too(slopes) -> None:
+    """Of a frame of 1000 by 10, whose numbers are about 40 high: lines below that, or that leave it at once."""
+    figure, ax = new_frame(Request(dpi=100), 1.0)
+    ax.set(xlim=(0, 10), ylim=(0, 1000))
+    orders = [draw_order(ax, slope, 0.0, k + 1, "blue", "") for k, slope in enumerate(slopes)]
+    settle(figure)
+    number_orders(ax, orders, [], [])
+    figure.draw_without_rendering()
+    written = [text.get_text().removesuffix(r"$\times$") for text in ax.texts]
+    assert sorted(", ".join(written).split(", ")) == [f"{0.5 * (k + 1):g}" for k in range(len(slopes))]
+    frame = ax.get_window_extent()
+    for text in ax.texts:
+        box = text.get_window_extent()
+        assert frame.x0 <= box.x0 < box.x1 <= frame.x1
+        assert frame.y0 <= box.y0 < box.y1 <= frame.y1
