@@ -19,11 +19,8 @@ from gearstab.config.document.yaml import parse_value, read
 
 if TYPE_CHECKING:
     from gearstab.config.model.fields import ShortName
-    from gearstab.config.sections.methods import Methods
-    from gearstab.config.system import SystemSections
     from gearstab.systems.base import System
     from gearstab.systems.parts.mesh import ToothMesh
-    from gearstab.systems.parts.respond import PairRespond, Respond
 
 TOP_LEVEL = ("title", "system", "sweep", "methods", "respond", "design")
 """The sections of a document."""
@@ -185,24 +182,37 @@ def load(
     texts = apply(document, overrides)
     _check_top_level(document, needs)
     from gearstab.config import plausibility
-    from gearstab.config.sections.methods import fit_methods, read_methods
+    from gearstab.config.sections.methods import read_methods
     from gearstab.config.system import read_respond, read_system
 
-    document = document.copy()  # what was written in short is written out in it
     system = read_system(document, source)
-    methods = read_methods(document)
     respond = read_respond(document, None if system is None else system.section)
-    if system is None or methods is None or not system.sound:
+    chosen = read_methods(document, source, system)
+    if system is None or chosen is None:
         raise ConfigError(document.problems)
-    methods, uncertainties = fit_methods(document, source, methods, system)
     document.stop()
-    config = _config(document, source, system, methods, respond, overrides=texts, uncertainties=uncertainties)
-    doubts = [*system.doubts, *plausibility.check(document, config)]
-    if uncertainties is not None:
-        from gearstab.config.sections import uncertain
-
-        doubts += uncertain.doubts(document, uncertainties, config.system, config.axes)
-    return replace(config, doubts=tuple(doubts))
+    sections = {
+        "system": system.plain,
+        "sweep": system.specs,
+        "methods": chosen[0].model_dump(mode="json", exclude_none=True),
+        "respond": respond.model_dump(mode="json", exclude_none=True) if respond else {},
+        "design": system.design.tree if system.design else {},
+    }
+    title = document.data.get("title") or ("" if document.first is None else source.stem)
+    config = Config(
+        system=system.section,
+        axes=system.axes,
+        methods=chosen[0],
+        respond=respond,
+        source=source,
+        tree={"title": title} | {name: section for name, section in sections.items() if section},
+        contents=system.contents,
+        document=document,
+        overrides=texts,
+        design=system.design,
+        uncertainties=chosen[1],
+    )
+    return replace(config, doubts=(*system.doubts, *plausibility.check(document, config)))
 
 
 def system_with(config: Config, values: Mapping[str, Any]) -> System:
@@ -228,7 +238,7 @@ def system_with(config: Config, values: Mapping[str, Any]) -> System:
         sweep = {"case": [{"label": str(k), **dict(zip(arrays, row, strict=True))} for k, row in rows]}
     document = document_of({"system": config.tree["system"], "sweep": sweep}, "values")
     system = read_system(document, config.source)
-    if system is None or not system.sound:
+    if system is None or not system.plain:
         raise ConfigError(document.problems)
     document.stop()
     found = replace(config, system=system.section, axes=system.axes, respond=None, document=document)
@@ -260,37 +270,3 @@ def require(config: Config, *needed: str) -> None:
     document = replace(config.document, problems=[])
     _report_missing(document, needed)
     document.stop()
-
-
-def _config(
-    document: Document,
-    source: FilePath,
-    system: SystemSections,
-    methods: Methods,
-    respond: Respond | PairRespond | None,
-    **more: Any,
-) -> Config:
-    title = document.data.get("title") or ("" if document.first is None else source.stem)
-    tree: dict[str, Any] = {"title": title, "system": system.plain}
-    if system.specs:
-        tree["sweep"] = system.specs
-    if methods.chosen:
-        tree["methods"] = methods.model_dump(mode="json", exclude_none=True)
-    if respond is not None:
-        tree["respond"] = respond.model_dump(mode="json", exclude_none=True)
-    if system.design is not None:
-        tree["design"] = system.design.tree
-    return Config(
-        title=title,
-        kind=document.data["system"]["kind"],
-        system=system.section,
-        axes=system.axes,
-        methods=methods,
-        respond=respond,
-        source=source,
-        tree=tree,
-        contents=system.contents,
-        document=document,
-        design=system.design,
-        **more,
-    )

@@ -272,7 +272,12 @@ def check(document: Document, config: Config) -> list[Problem]:
     system = config.system.build()
     _check_phases(document, config, system)
     document.stop()
-    return doubts(document, config, system)
+    found = doubts(document, config, system)
+    if config.uncertainties is not None:
+        from gearstab.config.sections import uncertain
+
+        found += uncertain.doubts(document, config.uncertainties, config.system, config.axes)
+    return found
 
 
 def _check_phases(document: Document, config: Config, system: GearSystem) -> None:

@@ -5,14 +5,14 @@ What is wrong is reported to the document.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from pydantic_core import PydanticCustomError
 
 from gearstab.config.document.problems import Path, Problem, dotted, nearest
-from gearstab.config.document.tree import Document, sequence, value_at
+from gearstab.config.document.tree import Document, value_at
 from gearstab.config.model.axes import Array, Axis, SpeedAxis, replaced
 from gearstab.config.model.reading import WRONG, read, told
 from gearstab.config.model.units import Quantity, typed_unit
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 @dataclass
 class SystemSections:
-    """``system``, ``sweep`` and ``design``. plain: ``system`` as plain data; specs: ``sweep``, resolved.
+    """``system``, ``sweep`` and ``design``. plain: ``system`` as plain data, {} where something is wrong with it.
 
-    context, uncertain: the section that names of uncertain parameters refer to, and their targets.
-    doubts: overrides without effect. sound: whether the section has no mistake.
+    specs: ``sweep``, resolved. context: the section that names of uncertain parameters refer to. uncertain: their
+    targets. doubts: overrides without effect.
     """
 
     plain: dict[str, Any]
@@ -46,7 +46,6 @@ class SystemSections:
     uncertain: dict[str, list[Target]]
     design: Design | None
     doubts: list[Problem]
-    sound: bool
 
 
 def _find_model(document: Document) -> type[System] | None:
@@ -78,51 +77,43 @@ def read_system(document: Document, source: FilePath) -> SystemSections | None:
     model = _find_model(document)
     if model is None:
         return None
-    for i in range(len(sequence(document.get(("system", "meshes"))))):
-        name = model.mesh_names[i] if i < len(model.mesh_names) else f"mesh{i + 1}"
-        document.fill(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
-    contents = model.read_files(document, source)
-    model.complete(document, document.data["system"], contents)
+    contents = model.complete(document, source)
     bare, errors = read(model, document.data["system"])
-    section = bare.with_files(contents)
+    section = bare.with_files(contents) if contents else bare
     samples, doubts = read_files(document, section, source)
-    context = sweep.Context(document, section)
-    layouts = sweep.layouts(context) if "sweep" in document.data else []
-    doubts += sweep.without_effect(document, layouts)
-    variables: list[sweep.UnresolvedAxis] = []
+    context = Context(document, section)
+    layouts, variables = sweep.layouts(context), []
     if "design" in document.data:
         from gearstab.config.sections import design
 
         variables = design.layouts(context)
-    base = list(sweep.base_values(context, [*layouts, *variables]))
-    targets: dict[str, list[Target]] = {}
+    base, targets = list(sweep.base_values(context, [*layouts, *variables])), {}
     if (tolerance := document.get(("methods", "tolerance"))) is not None:
         from gearstab.config.sections import uncertain
 
         targets = uncertain.resolve(context, tolerance)
         base += uncertain.base_values(context, targets)
     for path, value, place in reversed(base):  # the first one counts
-        bare, document.values["system", *path] = replaced(bare, path, value), place
-    section = bare.with_files(contents)
+        bare, section = (replaced(each, path, value) for each in (bare, section))
+        document.values["system", *path] = place
     given = {("system", *path) for path, _, _ in base}
     report_all(document, ("system",), model, (section, errors), section.conflicts(), section, given)
-    context = replace(context, system=section)
-    built = [(layout.name, build(document, section, layout)) for layout in layouts]
-    axes = tuple(item[0] for _, item in built if item)
+    context = Context(document, section)
+    built = [found for layout in layouts if (found := build(document, section, layout))]
+    axes, specs = tuple(axis for axis, _ in built), {axis.name: spec for axis, spec in built}
     wanted = design.read(context, variables) if "design" in document.data else None
-    right = all(("system", *error["loc"]) in given for error in errors)
-    sound = right and all(value is not WRONG for _, value, _ in base)
+    doubts += sweep.without_effect(document, layouts)
     plain: dict[str, Any] = {}
-    if sound:
+    wrong = any(value is WRONG for _, value, _ in base)
+    if not wrong and all(("system", *error["loc"]) in given for error in errors):
         if section.damping is None and section.damping_ratio is None:
             bare, section = (each.model_copy(update={"damping_ratio": 0.0}) for each in (bare, section))
         plain = {"kind": document.data["system"]["kind"]} | bare.model_dump(mode="json", exclude_none=True)
-        for where, held, _ in samples.values():
+        for where, held, columns in samples.values():
             section = replaced(section, where, value_at(section, where).model_copy(update=held))
+            contents[dotted(where)] = columns
         check_samples(document, section, axes)
-    contents |= {dotted(where): columns for where, _, columns in samples.values()}
-    specs = {name: item[1] for name, item in built if item}
-    return SystemSections(plain, section, contents, axes, specs, context, targets, wanted, doubts, sound)
+    return SystemSections(plain, section, contents, axes, specs, context, targets, wanted, doubts)
 
 
 RAMP = ("respond", "ramp")

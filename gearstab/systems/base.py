@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from pydantic import Field
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import Document
+from gearstab.config.document.tree import Document, sequence
 from gearstab.config.model.axes import Axis, Grid
 from gearstab.config.model.conflicts import Conflict, items, plain_number, repeated_names, within, within_each
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section, optional
@@ -96,12 +96,14 @@ class System(Section):
         return False
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
-        """Write out what may be written in short, in the section as written. contents: of the files that it names."""
+    def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
+        """Write out what may be written in short, in the section as written; here the names of meshes.
 
-    @classmethod
-    def read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:
-        """Return what files named in the section hold, by key; report problems. source: path of the configuration."""
+        Returns what files named in it hold, by key. Problems are reported. source: path of the configuration.
+        """
+        for i in range(len(sequence(document.data["system"].get("meshes")))):
+            name = cls.mesh_names[i] if i < len(cls.mesh_names) else f"mesh{i + 1}"
+            document.fill(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
         return {}
 
     @classmethod

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from math import isclose, tau
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -78,10 +79,11 @@ class GearPair(System):
         return 1
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
+    def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
         """The load as a number by itself."""
-        if isinstance(raw.get("load"), int | float | str):
+        if isinstance(document.data["system"].get("load"), int | float | str):
             document.nest(("system", "load"), 0)
+        return super().complete(document, source)
 
     def conflicts(self) -> Iterator[Conflict]:
         """A load of one number."""

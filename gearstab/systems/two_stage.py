@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from pathlib import Path as FilePath
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -63,11 +64,12 @@ class TwoStage(System):
         return 3
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
+    def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
         """The tooth ratio that the teeth give."""
-        ratio = _ratio(sequence(raw.get("teeth")))
+        ratio = _ratio(sequence(document.data["system"].get("teeth")))
         if ratio is not None:
             document.fill(("system", "tooth_ratio"), str(ratio), document.where(("system", "teeth")))
+        return super().complete(document, source)
 
     def cycles_of_input(self) -> float | None:
         """Z1."""

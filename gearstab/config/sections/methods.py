@@ -40,13 +40,17 @@ Methods: Any = create_model("Methods", __base__=_Chosen, __doc__=_Chosen.__doc__
 """A section with the options of each method, in the order of the table."""
 
 
-def read_methods(document: Document) -> Methods | None:
-    """Read the methods that a document asks for, none without the section; None after reporting problems."""
-    data = document.data
-    if "methods" not in data:
-        return Methods()
-    section, sweep = data["methods"], data.get("sweep")
-    if section is None or section == {}:
+def read_methods(
+    document: Document, source: FilePath, system: SystemSections | None
+) -> tuple[Methods, Uncertainties | None] | None:
+    """Read the methods that a document asks for, with what files, axes and units add to their options.
+
+    Returns them, none without the section, and the uncertain parameters; None after reporting what is wrong with them,
+    and where something is wrong with the system. Methods that do not fit it, and a range of mesh frequencies that is
+    none, are reported.
+    """
+    section, sweep = document.data.get("methods"), document.data.get("sweep")
+    if "methods" in document.data and section in (None, {}):
         document.report(("methods",), "missing", "names no method", f"add one of {', '.join(Methods.model_fields)}")
         return None
     known = {name: options for name, options in mapping(section).items() if name in METHODS}
@@ -55,29 +59,10 @@ def read_methods(document: Document) -> Methods | None:
     for name in _without_frequency(known, sweep) if isinstance(sweep, dict) else ():
         remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
         document.report(("methods", name), "missing", "needs a mesh_frequency axis", remedy, at_key=True)
-    methods, errors = read(Methods, data["methods"])
+    methods, errors = read(Methods, document.data.get("methods", {}))
     report_errors(document, errors, Methods, ("methods",))
-    return None if errors else methods
-
-
-def _without_frequency(sections: Mapping[str, Any], sweep: dict[str, Any]) -> Iterator[str]:
-    """Yield the methods that need mesh frequencies and get none. sections, sweep: as written."""
-    set_by = {name: set(METHODS[name].sets(options)) for name, options in sections.items()}
-    axes = {target for item in sweep.items() for target in names_set(*item)}
-    for name, own in set_by.items():
-        # The ends of a range are those of an axis; frequencies that come with cases have none.
-        names = set(sweep) if METHODS[name].frequency == RANGE else axes | own
-        if METHODS[name].frequency is not None and names.isdisjoint(SPEEDS):
-            yield name
-
-
-def fit_methods(
-    document: Document, source: FilePath, methods: Methods, system: SystemSections
-) -> tuple[Methods, Uncertainties | None]:
-    """Return the methods with what files, axes and units add to their options, and the uncertain parameters.
-
-    Methods that do not fit the system, and a range of mesh frequencies that is none, are reported.
-    """
+    if errors or system is None or not system.plain:
+        return None
     uncertainties = None
     if methods.tolerance is not None:
         from gearstab.config.sections import uncertain
@@ -96,6 +81,17 @@ def fit_methods(
     for path, code, message, hint in system.section.unfit(system.axes, methods.chosen):
         document.report(("methods", *path), code, message, hint, at_key=True)
     return methods.model_copy(update=full), uncertainties
+
+
+def _without_frequency(sections: Mapping[str, Any], sweep: dict[str, Any]) -> Iterator[str]:
+    """Yield the methods that need mesh frequencies and get none. sections, sweep: as written."""
+    set_by = {name: set(METHODS[name].sets(options)) for name, options in sections.items()}
+    axes = {target for item in sweep.items() for target in names_set(*item)}
+    for name, own in set_by.items():
+        # The ends of a range are those of an axis; frequencies that come with cases have none.
+        names = set(sweep) if METHODS[name].frequency == RANGE else axes | own
+        if METHODS[name].frequency is not None and names.isdisjoint(SPEEDS):
+            yield name
 
 
 def check_options(config: Config, base: GearSystem) -> None:

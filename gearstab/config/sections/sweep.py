@@ -81,7 +81,9 @@ class Context:
 def layouts(context: Context) -> list[UnresolvedAxis]:
     """Return what each axis sets; report unknown names, and parameters that two axes set."""
     document = context.document
-    section = document.get(("sweep",))
+    if "sweep" not in document.data:
+        return []
+    section = document.data["sweep"]
     if not isinstance(section, dict) or not section:
         hint = "add one, such as mesh_frequency: {start: 1, stop: 5, num: 200}"
         shown = None if section in (None, {}, []) else section
@@ -280,7 +282,9 @@ def without_effect(document: Document, found: list[UnresolvedAxis]) -> Iterator[
         for column, path in column_paths:
             place = document.values.get(path)
             # An option that replaces a whole section gives base values, as a file does.
-            if column.base is None and place and place.file not in (document.file, document.where(path[:-1]).file):
+            if column.base is not None or place is None or place.file == document.file:
+                continue
+            if place.file != document.where(path[:-1]).file:
                 message = f"has no effect on the sweep, whose axis {layout.name} sets it"
                 yield document.problem(
                     path, "set_twice", message, f"set {dotted(column.path)} instead", value=document.get(path)

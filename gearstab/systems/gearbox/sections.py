@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from pathlib import Path as FilePath
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -100,9 +101,10 @@ class Gearbox(System):
         yield from super().mesh_places()
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
+    def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
         """Write out the angles of planets that are to be assembled."""
-        complete_angles(document, raw)
+        complete_angles(document, document.data["system"])
+        return super().complete(document, source)
 
     def check_feasible(self, document: Document, grid: Grid[Any]) -> None:
         """See :func:`gearstab.systems.gearbox.feasibility.check_train`."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from fractions import Fraction
+from pathlib import Path as FilePath
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -130,10 +131,11 @@ class Planetary(System):
     the meshes follow where they are not given."""
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
+    def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
         """Write out the ring's teeth, the angles that are to be assembled, and a speed written in short."""
-        angles.complete(document, raw)
-        CarrierSpeed.complete(document, raw)
+        angles.complete(document, document.data["system"])
+        CarrierSpeed.complete(document, document.data["system"])
+        return super().complete(document, source)
 
     def cycles_of_input(self) -> float | None:
         """Cycles of the meshes, which all have one frequency, in a turn of the input: see :class:`.phasing.Turning`."""
