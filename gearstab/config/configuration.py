@@ -48,7 +48,7 @@ class Config(Grid["System"]):
 
     @property
     def title(self) -> str:
-        """What heads figures and results."""
+        """Heading of figures and results."""
         return str(self.tree["title"])
 
     @property

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import prod
 from pathlib import Path as FilePath
@@ -34,43 +33,34 @@ def apply(document: Document, overrides: Sequence[str] | Mapping[str, Any]) -> t
 
     overrides: ``PATH=VALUE`` texts, or values of Python, arrays among them, by path. Returns them as texts.
     """
-    if not isinstance(overrides, Mapping):
-        for text in overrides:
-            name, equals, value = text.partition("=")
-            name = name.strip()
-            option = f"--set {name or text}"
-            with _reporting(document):
-                if not equals or not name:
-                    hint = "write for example --set system.damping_ratio=0.02"
-                    raise _wrong(option, "override", "is no PATH=VALUE", hint)
-                _assign(document, name, parse_value(value, option), option)
-        return tuple(overrides)
     texts = []
-    for name, value in overrides.items():
-        option = f"override {name}"
-        with _reporting(document):
-            given = document_of({name: value}, option).data[name]
-            texts.append(f"{name}={json.dumps(given)}")
-            _assign(document, name, given, option)
+    for item in overrides.items() if isinstance(overrides, Mapping) else overrides:
+        try:
+            texts.append(_apply_one(document, item))
+        except ConfigError as error:
+            document.problems += error.problems
     return tuple(texts)
 
 
-@contextmanager
-def _reporting(document: Document) -> Iterator[None]:
-    """Report a mistake in an override."""
-    try:
-        yield
-    except ConfigError as error:
-        document.problems += error.problems
-
-
-def _assign(document: Document, name: str, value: Any, option: str) -> None:
-    """Put plain data where a name points to. option: what messages call the override."""
+def _apply_one(document: Document, item: str | tuple[str, Any]) -> str:
+    """Put the value of an override, a text or name and value, where its name points to; return it as a text."""
+    if isinstance(item, str):
+        text = item
+        name, equals, written = (part.strip() for part in text.partition("="))
+        option = f"--set {name or text}"
+        if not equals or not name:
+            raise _wrong(option, "override", "is no PATH=VALUE", "write for example --set system.damping_ratio=0.02")
+        value = parse_value(written, option)
+    else:
+        name, option = item[0], f"override {item[0]}"
+        value = document_of({name: item[1]}, option).data[name]
+        text = f"{name}={json.dumps(value)}"
     for path in _places(document, name, option):
         for length in range(1, len(path)):
             if document.get(path[:length]) is None:
                 document.put(path[:length], {}, Where(option))
         document.put(path, value, Where(option))
+    return text
 
 
 def _wrong(option: str, code: Code, message: str, hint: str, value: Any = None) -> ConfigError:
@@ -182,8 +172,7 @@ def load(
     texts = apply(document, overrides)
     _check_top_level(document, needs)
     from gearstab.config import plausibility
-    from gearstab.config.sections.methods import read_methods
-    from gearstab.config.system import read_respond, read_system
+    from gearstab.config.readers import read_methods, read_respond, read_system
 
     system = read_system(document, source)
     respond = read_respond(document, None if system is None else system.section)
@@ -223,7 +212,7 @@ def system_with(config: Config, values: Mapping[str, Any]) -> System:
     Raises ConfigError where a value is wrong, and ValueError for arrays whose shapes do not go together.
     """
     from gearstab.config import plausibility
-    from gearstab.config.system import read_system
+    from gearstab.config.readers import read_system
 
     arrays = dict(zip(values, np.broadcast_arrays(*values.values()), strict=True))
     shape = next(iter(arrays.values())).shape

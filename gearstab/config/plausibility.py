@@ -272,12 +272,8 @@ def check(document: Document, config: Config) -> list[Problem]:
     system = config.system.build()
     _check_phases(document, config, system)
     document.stop()
-    found = doubts(document, config, system)
-    if config.uncertainties is not None:
-        from gearstab.config.sections import uncertain
-
-        found += uncertain.doubts(document, config.uncertainties, config.system, config.axes)
-    return found
+    uncertain = [] if config.uncertainties is None else config.uncertainties.doubts(document, config)
+    return doubts(document, config, system) + uncertain
 
 
 def _check_phases(document: Document, config: Config, system: GearSystem) -> None:

@@ -13,9 +13,9 @@ from gearstab.config.document.problems import nearest
 from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.model.fields import NUMBER
 from gearstab.config.model.reading import descriptions, field_types, inner_type, is_model, number_kind, title_of
+from gearstab.config.readers import Methods
 from gearstab.config.sections import design
 from gearstab.config.sections.expansion import Range
-from gearstab.config.sections.methods import Methods
 from gearstab.config.sections.sweep import Tie
 from gearstab.errors import NotPossible
 from gearstab.systems import KINDS, short_names

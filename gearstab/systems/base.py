@@ -142,8 +142,10 @@ class System(Section):
         return cls
 
     def cycles_of_input(self) -> float | None:
-        """Cycles of the first mesh in a turn of the input, None where no teeth are known."""
-        return None
+        """Cycles of the first mesh in a turn of the input, None where no teeth are known; here z of the first gear."""
+        teeth: Any = getattr(self, "teeth", None)
+        first = plain_number(teeth[0]) if isinstance(teeth, list | tuple) and teeth else None
+        return first if first is not None and first > 0 else None
 
     def summary(self) -> dict[str, str]:
         """Return further lines of ``gearstab info`` about the kind, by their headings."""
@@ -176,9 +178,3 @@ class System(Section):
         yield from within(self, "damping", lambda damping: damping.conflicts(told(self.size)))
         yield from within_each(self, "meshes", self.mesh_conflicts)
         yield from repeated_names(self, "meshes", "mesh")
-
-
-def first_number(teeth: Any) -> float | None:
-    """Return the first of several numbers of teeth as written, None where there is none."""
-    first = plain_number(teeth[0]) if isinstance(teeth, list | tuple) and teeth else None
-    return first if first is not None and first > 0 else None

@@ -21,7 +21,7 @@ from gearstab.mesh import Mesh as MeshOfSystem
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
-from gearstab.systems.base import START_MESH, Start, System, first_number
+from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.parts.forcing import LoadOfOne
 from gearstab.systems.parts.mesh import NamedToothMesh
 from gearstab.waveforms import Rectangular
@@ -98,10 +98,6 @@ class GearPair(System):
         keys = DECISIVE if "equivalent_mass" in raw or "meshes" in raw else OF_GEARS
         by_gears = any(key in raw for key in keys) or (formulation in FORMULATIONS and formulation != CLASSICAL)
         return RotatingGearPair if by_gears else cls
-
-    def cycles_of_input(self) -> float | None:
-        """N1."""
-        return first_number(self.teeth)
 
     def equations(self) -> GearSystem:
         """m x'' + c x' + k(t) x = f(t).
@@ -202,10 +198,6 @@ class RotatingGearPair(System):
             "left out, too, and serve input_speed alone. Or set kind: gearbox, which computes inertias and stiffness "
             "from teeth, module and face_width",
         )
-
-    def cycles_of_input(self) -> float | None:
-        """N1."""
-        return first_number(self.teeth)
 
     def unfit(self, axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
         """Only Floquet theory knows formulations in which the mesh stiffness depends on the rotation."""

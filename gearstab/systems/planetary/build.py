@@ -13,7 +13,7 @@ from gearstab.config.model.reading import held
 from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row
 from gearstab.systems.planetary.angles import angles_of
-from gearstab.systems.planetary.phasing import lags, rotations
+from gearstab.systems.planetary.phasing import lags, speed_of
 from gearstab.systems.planetary.rows import SetRows, turn_matrix
 
 CENTRAL = ("ring", "carrier", "sun")
@@ -49,7 +49,7 @@ def build(p: Any) -> GearSystem:
     rigid ring only),
     ``pressure_angles``, ``meshes`` (``sun``, ``ring``), ``phases`` or ``teeth`` (:mod:`.phasing`), damping,
     ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``), ``carrier_speed`` and ``pin_preload``
-    (:mod:`.carrier`). ``scaling: dimensionless`` refers masses to m_r, stiffnesses to the mean k_rp and so
+    (:meth:`.SetRows.of_frame`). ``scaling: dimensionless`` refers masses to m_r, stiffnesses to the mean k_rp and so
     frequencies to sqrt(k_rp/m_r); lengths keep their scale.
 
     Source: Parker 2009, (1)-(8), (26)-(28) and appendix; derived again from the energies, since L2, L4 and M_j are
@@ -70,13 +70,19 @@ def build(p: Any) -> GearSystem:
     ]
     elements = [*_bodies(gear, p, angle["ring"]), *_supports(gear, p, angle["ring"])]
     torques = p.load
-    system = Assembly(Coordinates(dict.fromkeys(gear.names, "m")), elements, meshes).system(
+    place = Coordinates(dict.fromkeys(gear.names, "m"))
+    system = Assembly(place, elements, meshes).system(
         p,
         {f"{body}_rotation": torques[body] for body in CENTRAL} if torques else None,
         symmetries=(gear.cyclic(),) if symmetric else (),
         drawing={} if symmetric else {"planet_angles": vector(gear.angles)},
     )
-    system = replace(system, rotations=rotations(p, system.mass, gear.frame(), gear.names.index("carrier_rotation")))
+    ratio, speed = speed_of(p)
+    if ratio or np.any(speed):
+        still = ((*(({f"ring_{kind}{m}": 1.0}) for kind in "cs"), _wave_mass(p, m), m) for m in gear.waves)
+        moving = {body: (p.masses[body.rstrip("0123456789")], 0.0) for body in gear.bodies}
+        turning = gear.of_frame(place, moving, p.supports.planet, ratio, speed, [*still], p.pin_preload)
+        system = replace(system, rotations=(turning,))
     if p.scaling == "SI":
         return system
     return system.scaled(np.asarray(p.masses.ring, dtype=float), meshes[-1].wave.mean_stiffness)
@@ -122,6 +128,11 @@ class _Gear(SetRows):
         return tuple(found + [f"planet{n}_{way}" for n in self.numbers for way in (*planet, "rotation")])
 
     @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of all bodies."""
+        return (*CENTRAL, *(f"planet{n}" for n in self.numbers))
+
+    @property
     def waves(self) -> range:
         """m = 2..J."""
         return range(2, self.harmonics + 1)
@@ -145,36 +156,28 @@ class _Gear(SetRows):
         ways = ("radial", "tangential", "rotation") if self.planar else ("rotation",)
         planets = [[f"planet{n}_{way}" for n in self.numbers] for way in ways]
         index = {name: k for k, name in enumerate(self.names)}
-        return turn_matrix(index, self.planets, self._central_waves, planets)
-
-    def frame(self) -> Array:
-        """``(n, n)``, J of :func:`.carrier.rotations`: by how much a turn of the frame turns the displacements."""
-        planets = [(f"planet{n}_radial", f"planet{n}_tangential", 1) for n in self.numbers if self.planar]
-        found, index = np.zeros((len(self.names), len(self.names))), self.names.index
-        for first, second, m in (*self._central_waves, *planets):
-            found[index(second), index(first)], found[index(first), index(second)] = m, -m
-        return found
-
-    @property
-    def _central_waves(self) -> list[tuple[str, str, int]]:
-        """Pairs of coordinates of the bodies on the axis that turn by m times the angle of a turn, with m."""
         waves = [(f"ring_c{m}", f"ring_s{m}", m) for m in self.waves]
-        return waves + [(f"{body}_x", f"{body}_y", 1) for body in CENTRAL if self.planar]
+        waves += [(f"{body}_x", f"{body}_y", 1) for body in CENTRAL if self.planar]
+        return turn_matrix(index, self.planets, waves, planets)
 
 
 def _bodies(gear: _Gear, p: Any, ring_angle: Array) -> Iterator[Element]:
     """Yield the masses; int cos^2 + m^2 sin^2 over 2 pi of the ring's is (1 + m^2)/2."""
     masses, inertias = p.masses, p.inertias
-    ring = np.asarray(masses.ring, dtype=float)
-    thin = ring / np.cos(ring_angle) ** 2 if inertias.ring is None else None
-    for body in (*CENTRAL, *(f"planet{n}" for n in gear.numbers)):
+    thin = np.asarray(masses.ring, dtype=float) / np.cos(ring_angle) ** 2 if inertias.ring is None else None
+    for body in gear.bodies:
         kind = body.rstrip("0123456789")
         for along in ((1.0, 0.0), (0.0, 1.0)):
             yield Element(gear.shift(body, *along), mass=0.0 if masses[kind] is None else masses[kind])
         yield Element({f"{body}_rotation": 1.0}, mass=thin if kind == "ring" and thin is not None else inertias[kind])
     for m in gear.waves:
         for kind in "cs":
-            yield Element({f"ring_{kind}{m}": 1.0}, mass=ring * (1 + m**2) / 2)
+            yield Element({f"ring_{kind}{m}": 1.0}, mass=_wave_mass(p, m))
+
+
+def _wave_mass(p: Any, m: int) -> Array:
+    """Return m_r (1 + m^2)/2, the mass of a deflection of the ring by m waves."""
+    return np.asarray(p.masses.ring, dtype=float) * (1 + m**2) / 2
 
 
 def _supports(gear: _Gear, p: Any, ring_angle: Array) -> Iterator[Element]:

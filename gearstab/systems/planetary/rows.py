@@ -63,29 +63,41 @@ class SetRows:
         return radial, total(self.shift("carrier", -sine, cosine), turning, self.shift(f"planet{n}", 0.0, -1.0))
 
     def of_frame(
-        self, place: Coordinates, bodies: Mapping[str, tuple[Any, Any]], bearing: Any, ratio: Fraction
+        self,
+        place: Coordinates,
+        bodies: Mapping[str, tuple[Any, Any]],
+        bearing: Any,
+        ratio: Fraction | None,
+        speed: Array | float = 0.0,
+        waves: Sequence[tuple[Row, Row, Array, int]] = (),
+        pins: bool = True,
     ) -> Rotation:
-        """Return what the carrier's speed W = r Omega adds in coordinates that turn with it.
+        """Return what the carrier's speed W adds in coordinates that turn with it, r Omega or held.
 
-            G = 2 m (y^T x - x^T y),   K = -m (x^T x + y^T y),   H = c (y^T x - x^T y)
+            G = 2 j m (y^T x - x^T y),   K = -j^2 m (x^T x + y^T y),   H = c (y^T x - x^T y)
 
-        of a body of mass m with the damping c to the housing, and on the carrier's rotation the tension of the pins,
-        W^2 m/(1 - W^2 m/k_p) of each planet, without which the free rotation would have a stiffness.
+        of a body of mass m with the damping c to the housing, j = 1, or of the deflection of a ring at rest by j waves,
+        which passes the frame; and on the carrier's rotation the tension of the pins, W^2 m/(1 - W^2 m/k_p) of each
+        planet, as a bearing carries the centrifugal force of the planet, which turns with the pin: without it the free
+        rotation would have a stiffness. Other damping acts between bodies and the frame, so that it turns with it.
 
-        place: coordinates. bodies: mass and damping of each body that moves. bearing: k_p, None of rigid ones. Source:
-        Lin & Parker 1999 (J. Vib. Acoust. 121, 316), without the tension; that is derived from the nonlinear carrier.
+        place: coordinates. bodies: mass and damping of each body that moves. bearing: k_p, None of rigid ones.
+        waves: rows x and y, mass and j of each deflection of the ring. pins: whether they carry. Source: Lin & Parker
+        1999 (J. Vib. Acoust. 121, 316), without the tension; that is derived from the nonlinear carrier.
         """
-        moving = [(self.shift(body, 1.0, 0.0), self.shift(body, 0.0, 1.0), *own) for body, own in bodies.items()]
-        mass = bodies["planet1"][0]
-        drag = place.skew([(x, y, c) for x, y, _, c in moving])
+        moving = [(self.shift(body, 1.0, 0.0), self.shift(body, 0.0, 1.0), *own, 1) for body, own in bodies.items()]
+        moving += [(x, y, m, 0.0, j) for x, y, m, j in waves]
+        mass = np.asarray(bodies["planet1"][0], dtype=float)
+        drag = place.skew([(x, y, c) for x, y, _, c, _ in moving])
         return Rotation(
             speed_ratio=ratio,
-            gyroscopic=place.skew([(x, y, 2 * np.asarray(m)) for x, y, m, _ in moving]),
+            speed=speed,
+            gyroscopic=place.skew([(x, y, 2 * j * np.asarray(m)) for x, y, m, _, j in moving]),
             circulatory=drag if np.any(drag) else None,
-            centripetal=place.stamped([(row, -np.asarray(m)) for x, y, m, _ in moving for row in (x, y)]),
-            preload=place.stamped([(self.rotation("carrier"), self.planets * np.asarray(mass))]),
-            softening=0.0 if bearing is None else mass / bearing,
-        )
+            centripetal=place.stamped([(row, -(j**2) * np.asarray(m)) for x, y, m, _, j in moving for row in (x, y)]),
+            preload=place.stamped([(self.rotation("carrier"), self.planets * mass)]) if pins else None,
+            softening=0.0 if bearing is None or not pins else mass / bearing,
+        )  # fmt: skip
 
 
 def turn_matrix(
