@@ -15,8 +15,7 @@ from gearstab.config.model.fields import NUMBER
 from gearstab.config.model.reading import descriptions, field_types, inner_type, is_model, number_kind, title_of
 from gearstab.config.readers import Methods
 from gearstab.config.sections import design
-from gearstab.config.sections.expansion import Range
-from gearstab.config.sections.sweep import Tie
+from gearstab.config.sections.expansion import Range, Tie
 from gearstab.errors import NotPossible
 from gearstab.systems import KINDS, short_names
 from gearstab.systems.base import Start

@@ -38,11 +38,11 @@ def items(section: Any) -> list[tuple[Any, Any]]:
     return [(key, value) for key, value in entries(section) if value is not None and value is not WRONG]
 
 
-def exactly_one(section: Any, names: tuple[str, ...], what: str = "") -> Iterator[Conflict]:
+def exactly_one(section: Any, names: tuple[str, ...]) -> Iterator[Conflict]:
     """Yield a conflict unless exactly one of the fields is given."""
     either = " or ".join(names)
     if all(getattr(section, name) is None for name in names):
-        yield (), "missing", f"{either} is missing", what or f"add {either}"
+        yield (), "missing", f"{either} is missing", f"add {either}"
     yield from at_most_one(section, names)
 
 
@@ -100,8 +100,8 @@ def repeated_names(section: Any, key: str, one: str) -> Iterator[Conflict]:
         if not isinstance(name, str):
             continue
         if name in seen:
-            hint = f"give each {one} a name of its own"
-            yield (key, place, "name"), "repeated_name", f"two {key} are called '{name}'", hint
+            message, hint = f"two {key.replace('_', ' ')} are called '{name}'", f"give each {one} a name of its own"
+            yield (key, place, "name"), "repeated_name", message, hint
         seen.add(name)
 
 
@@ -185,13 +185,10 @@ SHAPES = {
 }
 
 
-def validate(document: Document, model: type[Model], path: Path, ignore: Collection[Path] = ()) -> Model | None:
-    """The section at ``path`` as its model, or None after reporting what is wrong with it.
-
-    ignore: paths in the document whose problems are known already.
-    """
+def validate(document: Document, model: type[Model], path: Path) -> Model | None:
+    """The section at ``path`` as its model, or None after reporting what is wrong with it."""
     section, errors = read(model, document.get(path))
-    report_errors(document, errors, model, path, ignore)
+    report_errors(document, errors, model, path)
     return None if errors else section
 
 
@@ -200,7 +197,8 @@ def report_errors(
 ) -> None:
     """Report every error but those that follow from another one.
 
-    These concern neighbours of an option that does not exist yet, or a key that is given but misspelt.
+    These concern neighbours of an option that does not exist yet, or a key that is given but misspelt. ignore: paths in
+    the document whose problems are known already.
     """
     extra = [d["loc"] for d in details if d["type"] == "extra_forbidden"]
     misspelt = [(*loc[:-1], right_name(str(loc[-1]), type_at(model, loc[:-1]))) for loc in extra]

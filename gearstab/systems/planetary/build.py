@@ -12,9 +12,8 @@ from gearstab.config.model.axes import vector
 from gearstab.config.model.reading import held
 from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row
-from gearstab.systems.planetary.angles import angles_of
 from gearstab.systems.planetary.phasing import lags, speed_of
-from gearstab.systems.planetary.rows import SetRows, turn_matrix
+from gearstab.systems.planetary.planets import SetRows, angles_of, turn_matrix
 
 CENTRAL = ("ring", "carrier", "sun")
 """The bodies on the axis of the gear."""
@@ -79,9 +78,9 @@ def build(p: Any) -> GearSystem:
     )
     ratio, speed = speed_of(p)
     if ratio or np.any(speed):
-        still = ((*(({f"ring_{kind}{m}": 1.0}) for kind in "cs"), _wave_mass(p, m), m) for m in gear.waves)
+        waves = [({f"ring_c{m}": 1.0}, {f"ring_s{m}": 1.0}, _wave_mass(p, m), m) for m in gear.waves]
         moving = {body: (p.masses[body.rstrip("0123456789")], 0.0) for body in gear.bodies}
-        turning = gear.of_frame(place, moving, p.supports.planet, ratio, speed, [*still], p.pin_preload)
+        turning = gear.of_frame(place, moving, p.supports.planet, ratio, speed, waves, p.pin_preload)
         system = replace(system, rotations=(turning,))
     if p.scaling == "SI":
         return system

@@ -18,7 +18,7 @@ from gearstab.config.model.reading import known, told
 from gearstab.config.model.units import Quantity
 from gearstab.system import Array
 from gearstab.systems.kinematics import MeshMotion, Relation, solve
-from gearstab.systems.planetary.angles import angles_of
+from gearstab.systems.planetary.planets import angles_of
 
 SENSES = ("counter-clockwise", "clockwise")
 RULES = {"entry": "from entry to entry", "pitch_point": "from pitch point to pitch point"}

@@ -22,15 +22,6 @@ from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.gearbox.bodies import Teeth
 from gearstab.systems.gearbox.feasibility import MOST_TEETH, built, check_points
-from gearstab.systems.planetary import angles
-from gearstab.systems.planetary.angles import (
-    ASSEMBLE,
-    MOST_PLANETS,
-    angles_of,
-    assembly,
-    check_assembly,
-    clear_of_each_other,
-)
 from gearstab.systems.planetary.bodies import (
     BodyLoad,
     Inertias,
@@ -45,6 +36,15 @@ from gearstab.systems.planetary.bodies import (
 )
 from gearstab.systems.planetary.build import build, size
 from gearstab.systems.planetary.phasing import SENSES, CarrierSpeed, Turning, lags
+from gearstab.systems.planetary.planets import (
+    ASSEMBLE,
+    MOST_PLANETS,
+    angles_of,
+    assembly,
+    check_assembly,
+    clear_of_each_other,
+    write_out_teeth,
+)
 from gearstab.systems.planetary.teeth import listed, phasing_of, shifted, with_teeth
 
 BODIES = ("sun", "carrier", "ring")
@@ -133,7 +133,7 @@ class Planetary(System):
     @classmethod
     def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
         """Write out the ring's teeth, the angles that are to be assembled, and a speed written in short."""
-        angles.complete(document, document.data["system"])
+        write_out_teeth(document, document.data["system"])
         CarrierSpeed.complete(document, document.data["system"])
         return super().complete(document, source)
 
