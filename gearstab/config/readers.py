@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from gearstab.config.configuration import Config
 from gearstab.config.document.problems import ConfigError, Path, Problem, dotted, nearest
-from gearstab.config.document.tree import Document, mapping, names_set, value_at
+from gearstab.config.document.tree import Document, names_set, value_at
 from gearstab.config.model.axes import SPEEDS, Array, Axis, SpeedAxis, replaced
 from gearstab.config.model.conflicts import report_errors
 from gearstab.config.model.fields import Section
@@ -206,7 +206,8 @@ def read_methods(
     if "methods" in document.data and section in (None, {}):
         document.report(("methods",), "missing", "names no method", f"add one of {', '.join(Methods.model_fields)}")
         return None
-    known = {name: options for name, options in mapping(section).items() if name in METHODS}
+    named = section if isinstance(section, dict) else {}
+    known = {name: options for name, options in named.items() if name in METHODS}
     for name in [name for name, options in known.items() if options is None]:
         document.put(("methods", name), {}, document.where(("methods", name)))  # `floquet:` asks for it
     for name in _without_frequency(known, sweep) if isinstance(sweep, dict) else ():

@@ -164,17 +164,14 @@ def uncertainties(
     if len(context.document.problems) > before or any(own is None for own in found):
         return None, section.parameters
     known = tuple(own for own in found if own is not None)
+    keys = {kind: key for key, kind in DISTRIBUTIONS.items()}
     plain = {
         own.name: type(section.parameters[own.name])(
-            **{_key(own.distribution): list(vars(own.distribution).values()), "deviation": own.deviation}
+            **{keys[type(own.distribution)]: list(vars(own.distribution).values()), "deviation": own.deviation}
         )
         for own in known
     }
     return Uncertainties(known, matrix, groups_of(len(known), pairs)), plain
-
-
-def _key(distribution: Distribution) -> str:
-    return next(key for key, kind in DISTRIBUTIONS.items() if isinstance(distribution, kind))
 
 
 def _uncertain(context: Context, name: str, given: Any, targets: list[Target]) -> Uncertain | None:

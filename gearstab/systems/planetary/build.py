@@ -55,7 +55,7 @@ def build(p: Any) -> GearSystem:
     misprinted there (derivatives in L2 act on v and v is projected on |m| >= 2; b_r of L4 depends on n and belongs
     inside the sum; M_j divides by r^2 twice). Rotational model: Lin & Parker 2002 (J. Sound Vib. 249, 129-145).
     """
-    gear = _Gear(int(p.planets), tuple(angles_of(p.planets, p.angles)), _harmonics(p.ring), p.motion == "planar")
+    gear = _gear(p, tuple(angles_of(p.planets, p.angles)))
     symmetric = p.angles is None
     angle = {name: np.asarray(p.pressure_angles[name], dtype=float) for name in ("sun", "ring")}
     meshes = [
@@ -87,9 +87,14 @@ def build(p: Any) -> GearSystem:
     return system.scaled(np.asarray(p.masses.ring, dtype=float), meshes[-1].wave.mean_stiffness)
 
 
-def size(planets: int, harmonics: int, motion: str) -> int:
-    """Number of coordinates; ``harmonics`` is 1 for a rigid ring."""
-    return len(_Gear(planets, (), harmonics, motion == "planar").names)
+def size(p: Any) -> int:
+    """Number of coordinates."""
+    return len(_gear(p, ()).names)
+
+
+def _gear(p: Any, angles: tuple[Array, ...]) -> _Gear:
+    """Return the coordinates of a gear: J is 1, of the rigid motion alone, of a rigid ring."""
+    return _Gear(int(p.planets), angles, 1 if p.ring.kind == "rigid" else int(p.ring.harmonics), p.motion == "planar")
 
 
 def _mesh_row(gear: _Gear, name: str, n: int, angle: Array) -> Row:
@@ -100,11 +105,6 @@ def _mesh_row(gear: _Gear, name: str, n: int, angle: Array) -> Row:
         cosine, sine = np.cos(m * psi), np.sin(m * psi)
         row |= {f"ring_c{m}": cosine * along - m * sine * across, f"ring_s{m}": sine * along + m * cosine * across}
     return row
-
-
-def _harmonics(ring: Any) -> int:
-    """J, the largest number of waves around the ring; 1, its rigid motion alone, of a rigid ring."""
-    return int(ring.harmonics) if ring.kind == "elastic" else 1
 
 
 @dataclass(frozen=True)

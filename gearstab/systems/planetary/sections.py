@@ -205,8 +205,7 @@ class Planetary(System):
         return fits and clear_of_each_other(sun, planet, ring, angles_of(self.planets, self.angles))
 
     def size(self) -> int | None:
-        waves = 1 if self.ring.kind == "rigid" else int(self.ring.harmonics)
-        return size(int(self.planets), waves, self.motion)
+        return size(self)
 
     def conflicts(self) -> Iterator[Conflict]:
         """Yield what is missing for the kind of motion and ring, and phases that fit the planets and teeth."""
