@@ -68,7 +68,7 @@ def checked(config: Path, overrides: tuple[str, ...]) -> Config:
     else:
         found = load(config, overrides)
     if found.methods.chosen:
-        from gearstab.config.sections.methods import check_options
+        from gearstab.config.readers import check_options
 
         check_options(found, found.system.build())
     if found.design is not None:

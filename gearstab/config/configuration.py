@@ -35,8 +35,6 @@ class Config(Grid["System"]):
     uncertainties: what the method tolerance draws samples of.
     """
 
-    title: str
-    kind: str
     methods: Any
     respond: Respond | PairRespond | None
     source: FilePath
@@ -47,6 +45,16 @@ class Config(Grid["System"]):
     design: Design | None = None
     doubts: tuple[Problem, ...] = field(default=(), compare=False)
     uncertainties: Uncertainties | None = None
+
+    @property
+    def title(self) -> str:
+        """Heading of figures and results."""
+        return str(self.tree["title"])
+
+    @property
+    def kind(self) -> str:
+        """Kind of the system."""
+        return str(self.tree["system"]["kind"])
 
     @property
     def base_is_asked_for(self) -> bool:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import prod
 from pathlib import Path as FilePath
@@ -19,11 +18,8 @@ from gearstab.config.document.yaml import parse_value, read
 
 if TYPE_CHECKING:
     from gearstab.config.model.fields import ShortName
-    from gearstab.config.sections.methods import Methods
-    from gearstab.config.system import SystemSections
     from gearstab.systems.base import System
     from gearstab.systems.parts.mesh import ToothMesh
-    from gearstab.systems.parts.respond import PairRespond, Respond
 
 TOP_LEVEL = ("title", "system", "sweep", "methods", "respond", "design")
 """The sections of a document."""
@@ -37,43 +33,34 @@ def apply(document: Document, overrides: Sequence[str] | Mapping[str, Any]) -> t
 
     overrides: ``PATH=VALUE`` texts, or values of Python, arrays among them, by path. Returns them as texts.
     """
-    if not isinstance(overrides, Mapping):
-        for text in overrides:
-            name, equals, value = text.partition("=")
-            name = name.strip()
-            option = f"--set {name or text}"
-            with _reporting(document):
-                if not equals or not name:
-                    hint = "write for example --set system.damping_ratio=0.02"
-                    raise _wrong(option, "override", "is no PATH=VALUE", hint)
-                _assign(document, name, parse_value(value, option), option)
-        return tuple(overrides)
     texts = []
-    for name, value in overrides.items():
-        option = f"override {name}"
-        with _reporting(document):
-            given = document_of({name: value}, option).data[name]
-            texts.append(f"{name}={json.dumps(given)}")
-            _assign(document, name, given, option)
+    for item in overrides.items() if isinstance(overrides, Mapping) else overrides:
+        try:
+            texts.append(_apply_one(document, item))
+        except ConfigError as error:
+            document.problems += error.problems
     return tuple(texts)
 
 
-@contextmanager
-def _reporting(document: Document) -> Iterator[None]:
-    """Report a mistake in an override."""
-    try:
-        yield
-    except ConfigError as error:
-        document.problems += error.problems
-
-
-def _assign(document: Document, name: str, value: Any, option: str) -> None:
-    """Put plain data where a name points to. option: what messages call the override."""
+def _apply_one(document: Document, item: str | tuple[str, Any]) -> str:
+    """Put the value of an override, a text or name and value, where its name points to; return it as a text."""
+    if isinstance(item, str):
+        text = item
+        name, equals, written = (part.strip() for part in text.partition("="))
+        option = f"--set {name or text}"
+        if not equals or not name:
+            raise _wrong(option, "override", "is no PATH=VALUE", "write for example --set system.damping_ratio=0.02")
+        value = parse_value(written, option)
+    else:
+        name, option = item[0], f"override {item[0]}"
+        value = document_of({name: item[1]}, option).data[name]
+        text = f"{name}={json.dumps(value)}"
     for path in _places(document, name, option):
         for length in range(1, len(path)):
             if document.get(path[:length]) is None:
                 document.put(path[:length], {}, Where(option))
         document.put(path, value, Where(option))
+    return text
 
 
 def _wrong(option: str, code: Code, message: str, hint: str, value: Any = None) -> ConfigError:
@@ -185,24 +172,36 @@ def load(
     texts = apply(document, overrides)
     _check_top_level(document, needs)
     from gearstab.config import plausibility
-    from gearstab.config.sections.methods import fit_methods, read_methods
-    from gearstab.config.system import read_respond, read_system
+    from gearstab.config.readers import read_methods, read_respond, read_system
 
-    document = document.copy()  # what was written in short is written out in it
     system = read_system(document, source)
-    methods = read_methods(document)
     respond = read_respond(document, None if system is None else system.section)
-    if system is None or methods is None or not system.sound:
+    chosen = read_methods(document, source, system)
+    if system is None or chosen is None:
         raise ConfigError(document.problems)
-    methods, uncertainties = fit_methods(document, source, methods, system)
     document.stop()
-    config = _config(document, source, system, methods, respond, overrides=texts, uncertainties=uncertainties)
-    doubts = [*system.doubts, *plausibility.check(document, config)]
-    if uncertainties is not None:
-        from gearstab.config.sections import uncertain
-
-        doubts += uncertain.doubts(document, uncertainties, config.system, config.axes)
-    return replace(config, doubts=tuple(doubts))
+    sections = {
+        "system": system.plain,
+        "sweep": system.specs,
+        "methods": chosen[0].model_dump(mode="json", exclude_none=True),
+        "respond": respond.model_dump(mode="json", exclude_none=True) if respond else {},
+        "design": system.design.tree if system.design else {},
+    }
+    title = document.data.get("title") or ("" if document.first is None else source.stem)
+    config = Config(
+        system=system.section,
+        axes=system.axes,
+        methods=chosen[0],
+        respond=respond,
+        source=source,
+        tree={"title": title} | {name: section for name, section in sections.items() if section},
+        contents=system.contents,
+        document=document,
+        overrides=texts,
+        design=system.design,
+        uncertainties=chosen[1],
+    )
+    return replace(config, doubts=(*system.doubts, *plausibility.check(document, config)))
 
 
 def system_with(config: Config, values: Mapping[str, Any]) -> System:
@@ -213,7 +212,7 @@ def system_with(config: Config, values: Mapping[str, Any]) -> System:
     Raises ConfigError where a value is wrong, and ValueError for arrays whose shapes do not go together.
     """
     from gearstab.config import plausibility
-    from gearstab.config.system import read_system
+    from gearstab.config.readers import read_system
 
     arrays = dict(zip(values, np.broadcast_arrays(*values.values()), strict=True))
     shape = next(iter(arrays.values())).shape
@@ -228,7 +227,7 @@ def system_with(config: Config, values: Mapping[str, Any]) -> System:
         sweep = {"case": [{"label": str(k), **dict(zip(arrays, row, strict=True))} for k, row in rows]}
     document = document_of({"system": config.tree["system"], "sweep": sweep}, "values")
     system = read_system(document, config.source)
-    if system is None or not system.sound:
+    if system is None or not system.plain:
         raise ConfigError(document.problems)
     document.stop()
     found = replace(config, system=system.section, axes=system.axes, respond=None, document=document)
@@ -260,37 +259,3 @@ def require(config: Config, *needed: str) -> None:
     document = replace(config.document, problems=[])
     _report_missing(document, needed)
     document.stop()
-
-
-def _config(
-    document: Document,
-    source: FilePath,
-    system: SystemSections,
-    methods: Methods,
-    respond: Respond | PairRespond | None,
-    **more: Any,
-) -> Config:
-    title = document.data.get("title") or ("" if document.first is None else source.stem)
-    tree: dict[str, Any] = {"title": title, "system": system.plain}
-    if system.specs:
-        tree["sweep"] = system.specs
-    if methods.chosen:
-        tree["methods"] = methods.model_dump(mode="json", exclude_none=True)
-    if respond is not None:
-        tree["respond"] = respond.model_dump(mode="json", exclude_none=True)
-    if system.design is not None:
-        tree["design"] = system.design.tree
-    return Config(
-        title=title,
-        kind=document.data["system"]["kind"],
-        system=system.section,
-        axes=system.axes,
-        methods=methods,
-        respond=respond,
-        source=source,
-        tree=tree,
-        contents=system.contents,
-        document=document,
-        design=system.design,
-        **more,
-    )

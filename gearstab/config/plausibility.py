@@ -272,7 +272,8 @@ def check(document: Document, config: Config) -> list[Problem]:
     system = config.system.build()
     _check_phases(document, config, system)
     document.stop()
-    return doubts(document, config, system)
+    uncertain = [] if config.uncertainties is None else config.uncertainties.doubts(document, config)
+    return doubts(document, config, system) + uncertain
 
 
 def _check_phases(document: Document, config: Config, system: GearSystem) -> None:

@@ -13,10 +13,9 @@ from gearstab.config.document.problems import nearest
 from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.model.fields import NUMBER
 from gearstab.config.model.reading import descriptions, field_types, inner_type, is_model, number_kind, title_of
+from gearstab.config.readers import Methods
 from gearstab.config.sections import design
-from gearstab.config.sections.expansion import Range
-from gearstab.config.sections.methods import Methods
-from gearstab.config.sections.sweep import Tie
+from gearstab.config.sections.expansion import Range, Tie
 from gearstab.errors import NotPossible
 from gearstab.systems import KINDS, short_names
 from gearstab.systems.base import Start
@@ -24,6 +23,16 @@ from gearstab.systems.gear_pair import RotatingGearPair
 from gearstab.systems.parts.respond import PairRespond, Respond
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
+VALUES = {
+    "description": "The values of a parameter along an axis: one, a list, or a range.",
+    "anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": NUMBER}, {"$ref": "#/$defs/Range"}],
+}
+CASE = {
+    "description": "One point of an axis that changes several parameters together.",
+    "type": "object",
+    "properties": {"label": {"type": ["string", "number"], "description": "What figures call this case; unique."}},
+    "additionalProperties": NUMBER,
+}
 
 
 def schema() -> dict[str, Any]:
@@ -48,24 +57,20 @@ def schema() -> dict[str, Any]:
         "required": ["system"],
         "properties": {
             "title": {"type": "string", "description": "Heads figures and results."},
-            "system": _system([references[(model, "validation")] for model in systems]),
+            "system": {
+                "description": "What vibrates; kind chooses the model.",
+                "type": "object",
+                "required": ["kind"],
+                "properties": {"kind": {"enum": list(KINDS), "description": "Kind of system."}},
+                "oneOf": [references[(model, "validation")] for model in systems],
+            },
             "sweep": _sweep(),
             "methods": {"$ref": "#/$defs/Methods"},
             "design": design.json_schema(),
             "respond": {"anyOf": [{"$ref": "#/$defs/Respond"}, {"$ref": "#/$defs/PairRespond"}]},
         },
         "dependentRequired": {"sweep": ["methods"], "methods": ["sweep"]},
-        "$defs": found | {"Values": _values(), "Case": _case()},
-    }
-
-
-def _system(forms: list[Any]) -> dict[str, Any]:
-    return {
-        "description": "What vibrates; kind chooses the model.",
-        "type": "object",
-        "required": ["kind"],
-        "properties": {"kind": {"enum": list(KINDS), "description": "Kind of system."}},
-        "oneOf": forms,
+        "$defs": found | {"Values": VALUES, "Case": CASE},
     }
 
 
@@ -91,22 +96,6 @@ def _sweep() -> dict[str, Any]:
         "minProperties": 1,
         "properties": {name: {"$ref": "#/$defs/Values", "description": text} for name, text in said.items()},
         "additionalProperties": axis,
-    }
-
-
-def _values() -> dict[str, Any]:
-    return {
-        "description": "The values of a parameter along an axis: one, a list, or a range.",
-        "anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": NUMBER}, {"$ref": "#/$defs/Range"}],
-    }
-
-
-def _case() -> dict[str, Any]:
-    return {
-        "description": "One point of an axis that changes several parameters together.",
-        "type": "object",
-        "properties": {"label": {"type": ["string", "number"], "description": "What figures call this case; unique."}},
-        "additionalProperties": NUMBER,
     }
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any
 
@@ -65,7 +64,12 @@ def from_ross(
         "coordinate_units": ["m", "m", "m", "rad", "rad", "rad"] * len(nodes),
     }
     if speed_ratio is not None or speed:
-        more["rotation"] = _rotation(shafts, speed, speed_ratio)
+        first = None if speed_ratio is None else Fraction(speed_ratio)
+        more["rotation"] = [
+            ({"speed": float(own) * speed} if first is None else {"speed_ratio": str(first * own)})
+            | {"gyroscopic": matrix}
+            for _, own, matrix in shafts
+        ]
     found = model(dense(rotor.M(speed)), stiffness, dense(rotor.C(speed)), entries, modes, **more)
     found.note = "; ".join(filter(None, (found.note, note)))
     return found
@@ -85,16 +89,6 @@ def _shafts(rotor: Any) -> Iterator[tuple[Any, Fraction, Array]]:
             matrix = np.zeros((whole, whole))
             matrix[begin : begin + len(own), begin : begin + len(own)] = own
             yield shaft, factor * speed, matrix
-
-
-def _rotation(
-    shafts: Sequence[tuple[Any, Fraction, Array]], speed: float, speed_ratio: Fraction | str | None
-) -> list[dict[str, Any]]:
-    """The section ``rotation``, an entry for each shaft."""
-    if speed_ratio is None:
-        return [{"speed": float(own) * speed, "gyroscopic": matrix} for _, own, matrix in shafts]
-    first = Fraction(speed_ratio)
-    return [{"speed_ratio": str(first * own), "gyroscopic": matrix} for _, own, matrix in shafts]
 
 
 def _bearings(shafts: Sequence[tuple[Any, Fraction, Array]], speed: float, follows: bool) -> str:
@@ -127,23 +121,15 @@ def _geared(rotor: Any) -> Iterator[Any]:
             yield from _geared(part)
 
 
-@contextmanager
-def _loose(mesh: Any) -> Iterator[None]:
-    """A gear mesh without stiffness, for a while."""
-    before = mesh.stiffness
-    mesh.stiffness = 0.0
-    try:
-        yield
-    finally:
-        mesh.stiffness = before
-
-
 def _direction(rotor: Any, geared: Any, speed: float) -> tuple[Array, float]:
     """The direction g of a mesh and its stiffness k, from K with and without it: k g g^T."""
     mean = float(geared.mesh.stiffness)
-    coupled = np.array(rotor.K(speed), dtype=float)
-    with _loose(geared.mesh):
+    coupled, held = np.array(rotor.K(speed), dtype=float), geared.mesh.stiffness
+    geared.mesh.stiffness = 0.0  # for a while
+    try:
         coupled -= rotor.K(speed)
+    finally:
+        geared.mesh.stiffness = held
     values, vectors = np.linalg.eigh(0.5 * (coupled + coupled.T))
     if not mean > 0 or values[-1] <= 0 or np.abs(values[:-1]).max() > SINGLE * values[-1]:
         raise NotPossible("the coupling of the rotors is no spring along one direction", "give the matrices yourself")
@@ -193,11 +179,8 @@ def from_opentorsion(
         name = f"gear{len(known) + 1}"
         known.append({"name": name, "direction": direction, "mean_stiffness": float(mean)})
     entries = merged(known, meshes, "assembly")
-    more = {"coordinates": _names(transform), "coordinate_units": "rad", "deflection_unit": "rad"}
-    return model(dense(assembly.M), stiffness, dense(assembly.C), entries, modes, **more)
-
-
-def _names(transform: Array) -> list[str]:
-    """The nodes that are left after the rigid gears: those that are a coordinate by themselves."""
+    # The nodes that are left after the rigid gears: those that are a coordinate by themselves.
     rows = [np.flatnonzero((transform == unit).all(axis=1)) for unit in np.eye(transform.shape[1])]
-    return [f"node{row[0]}" for row in rows]
+    names = [f"node{row[0]}" for row in rows]
+    more = {"coordinates": names, "coordinate_units": "rad", "deflection_unit": "rad"}
+    return model(dense(assembly.M), stiffness, dense(assembly.C), entries, modes, **more)

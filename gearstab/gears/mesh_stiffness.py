@@ -6,7 +6,7 @@ Phase 0 is the entry of a pair of teeth: floor(c) + 1 pairs carry for the fracti
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Literal
 
@@ -187,14 +187,10 @@ def contact_stiffness(pair: Pair, x: Array | float, model: StiffnessModel = PLAI
     k = k * model.shared(np.sum(touching, axis=-1, keepdims=True))
     if model.variation is None:
         return s, k
-    plain = mesh_stiffness(pair, _unstretched(model))
+    plain = mesh_stiffness(pair, replace(model, variation=None))
     total = np.sum(k, axis=-1, keepdims=True)
     factor = model.variation / (2 * plain.epsilon) if plain.epsilon > 0 else 0.0
     return s, k * (plain.mean + factor * (total - plain.mean)) / total
-
-
-def _unstretched(model: StiffnessModel) -> StiffnessModel:
-    return StiffnessModel(model.double_contact_factor, model.single_pair_stiffness, None, model.foundation)
 
 
 def single_stiffness(pair: Pair, s: Array, model: StiffnessModel) -> Array:

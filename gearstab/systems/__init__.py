@@ -6,27 +6,41 @@ of its parameters; :class:`~gearstab.systems.base.System` says what it may overr
 
 from __future__ import annotations
 
+from collections import UserDict
 from collections.abc import Mapping
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, get_args
 
 from gearstab.config.model.fields import ShortName
 from gearstab.config.model.reading import bare, constructed, field_types, is_model, short_name
-from gearstab.lazy import LazyTable
 from gearstab.system import GearSystem
 
 if TYPE_CHECKING:
     from gearstab.systems.base import System
 
-KINDS: LazyTable[type[System]] = LazyTable(
-    {
-        "gear_pair": "gearstab.systems.gear_pair:GearPair",
-        "two_stage": "gearstab.systems.two_stage:TwoStage",
-        "planetary": "gearstab.systems.planetary.sections:Planetary",
-        "gearbox": "gearstab.systems.gearbox.sections:Gearbox",
-        "matrices": "gearstab.systems.matrices:Matrices",
-    }
-)
-"""By name, ``system.kind`` of a configuration; a kind is imported when it is used."""
+
+class Kinds(UserDict[str, "type[System]"]):
+    """A table of names and classes, which may be given as ``module:class`` and are then imported when they are used."""
+
+    data: dict[str, Any]
+
+    def __getitem__(self, name: str) -> type[System]:
+        found = self.data[name]
+        if isinstance(found, str):
+            module, _, attribute = found.partition(":")
+            found = self.data[name] = getattr(import_module(module), attribute)
+        return found
+
+
+KINDS = Kinds()
+"""By name, ``system.kind`` of a configuration."""
+KINDS.data |= {
+    "gear_pair": "gearstab.systems.gear_pair:GearPair",
+    "two_stage": "gearstab.systems.two_stage:TwoStage",
+    "planetary": "gearstab.systems.planetary.sections:Planetary",
+    "gearbox": "gearstab.systems.gearbox.sections:Gearbox",
+    "matrices": "gearstab.systems.matrices:Matrices",
+}
 
 
 def short_names() -> dict[str, ShortName]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from pydantic import Field
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import Document
+from gearstab.config.document.tree import Document, sequence
 from gearstab.config.model.axes import Axis, Grid
 from gearstab.config.model.conflicts import Conflict, items, plain_number, repeated_names, within, within_each
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section, optional
@@ -96,12 +96,14 @@ class System(Section):
         return False
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
-        """Write out what may be written in short, in the section as written. contents: of the files that it names."""
+    def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
+        """Write out what may be written in short, in the section as written; here the names of meshes.
 
-    @classmethod
-    def read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:
-        """Return what files named in the section hold, by key; report problems. source: path of the configuration."""
+        Returns what files named in it hold, by key. Problems are reported. source: path of the configuration.
+        """
+        for i in range(len(sequence(document.data["system"].get("meshes")))):
+            name = cls.mesh_names[i] if i < len(cls.mesh_names) else f"mesh{i + 1}"
+            document.fill(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
         return {}
 
     @classmethod
@@ -140,8 +142,10 @@ class System(Section):
         return cls
 
     def cycles_of_input(self) -> float | None:
-        """Cycles of the first mesh in a turn of the input, None where no teeth are known."""
-        return None
+        """Cycles of the first mesh in a turn of the input, None where no teeth are known; here z of the first gear."""
+        teeth: Any = getattr(self, "teeth", None)
+        first = plain_number(teeth[0]) if isinstance(teeth, list | tuple) and teeth else None
+        return first if first is not None and first > 0 else None
 
     def summary(self) -> dict[str, str]:
         """Return further lines of ``gearstab info`` about the kind, by their headings."""
@@ -174,9 +178,3 @@ class System(Section):
         yield from within(self, "damping", lambda damping: damping.conflicts(told(self.size)))
         yield from within_each(self, "meshes", self.mesh_conflicts)
         yield from repeated_names(self, "meshes", "mesh")
-
-
-def first_number(teeth: Any) -> float | None:
-    """Return the first of several numbers of teeth as written, None where there is none."""
-    first = plain_number(teeth[0]) if isinstance(teeth, list | tuple) and teeth else None
-    return first if first is not None and first > 0 else None

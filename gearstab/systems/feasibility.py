@@ -161,7 +161,7 @@ def _place(document: Document, grid: Grid[Any], index: str | int, key: str, chos
                 path: Path = ("sweep", axis.name)
                 point = chosen[axis.name]
                 inner = [(*path, point), (*path, "values", point), (*path, "values")]
-                return next((p for p in inner if p in document.values and document.get(p) is not None), path)
+                return next((p for p in inner if document.get(p) is not None), path)
     return ("system", "meshes", index, key)
 
 

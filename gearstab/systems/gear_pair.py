@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from math import isclose, tau
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -20,7 +21,7 @@ from gearstab.mesh import Mesh as MeshOfSystem
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
-from gearstab.systems.base import START_MESH, Start, System, first_number
+from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.parts.forcing import LoadOfOne
 from gearstab.systems.parts.mesh import NamedToothMesh
 from gearstab.waveforms import Rectangular
@@ -78,10 +79,11 @@ class GearPair(System):
         return 1
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
+    def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
         """The load as a number by itself."""
-        if isinstance(raw.get("load"), int | float | str):
+        if isinstance(document.data["system"].get("load"), int | float | str):
             document.nest(("system", "load"), 0)
+        return super().complete(document, source)
 
     def conflicts(self) -> Iterator[Conflict]:
         """A load of one number."""
@@ -96,10 +98,6 @@ class GearPair(System):
         keys = DECISIVE if "equivalent_mass" in raw or "meshes" in raw else OF_GEARS
         by_gears = any(key in raw for key in keys) or (formulation in FORMULATIONS and formulation != CLASSICAL)
         return RotatingGearPair if by_gears else cls
-
-    def cycles_of_input(self) -> float | None:
-        """N1."""
-        return first_number(self.teeth)
 
     def equations(self) -> GearSystem:
         """m x'' + c x' + k(t) x = f(t).
@@ -200,10 +198,6 @@ class RotatingGearPair(System):
             "left out, too, and serve input_speed alone. Or set kind: gearbox, which computes inertias and stiffness "
             "from teeth, module and face_width",
         )
-
-    def cycles_of_input(self) -> float | None:
-        """N1."""
-        return first_number(self.teeth)
 
     def unfit(self, axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
         """Only Floquet theory knows formulations in which the mesh stiffness depends on the rotation."""

@@ -125,8 +125,8 @@ class Matrices(System):
         return self.deflection_unit == "rad"
 
     @classmethod
-    def read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:
-        """Mass, stiffness and damping."""
+    def _read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:
+        """Return mass, stiffness and damping of files, and matrices of rotation."""
         system = document.data["system"]
         if isinstance(system.get("file"), dict):
             system["files"] = system.pop("file")
@@ -179,8 +179,10 @@ class Matrices(System):
                 yield (*path, i, j), f"is not symmetric: {entries}", remedy
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
+    def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
         """Vectors by coordinate, the damping matrix by itself, and units of coordinates that their inertias tell."""
+        super().complete(document, source)
+        raw, contents = document.data["system"], cls._read_files(document, source)
         size = len(contents["mass"]) if "mass" in contents else len(sequence(raw.get("mass"))) or None
         write_out(document, raw, size)
         for name, kind, inner in (("damping", list, "matrix"), ("rotation", dict, 0), ("coordinate_units", str, 0)):
@@ -195,6 +197,7 @@ class Matrices(System):
         units = sequence(raw.get("coordinate_units")) or ["m"]
         if raw.get("deflection_unit") is None and all(unit == "rad" for unit in units) and any(angles):
             document.put(("system", "deflection_unit"), "rad", document.where(("system", "meshes")))
+        return contents
 
     def conflicts(self) -> Iterator[Conflict]:
         """Shapes that agree, names that differ; the matrices themselves are checked as numbers."""

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from fractions import Fraction
+from pathlib import Path as FilePath
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.document.tree import Document, sequence
+from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, wrong_length
 from gearstab.config.model.fields import ExactRatio, Mass, Teeth, optional
 from gearstab.config.model.units import Quantity
 from gearstab.mesh import MachineElement
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
-from gearstab.systems.base import START_MESH, Start, System, first_number
+from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.parts.forcing import Load
 from gearstab.systems.parts.mesh import NamedToothMesh, SecondMesh
 
@@ -63,21 +64,18 @@ class TwoStage(System):
         return 3
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
+    def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
         """The tooth ratio that the teeth give."""
-        ratio = _ratio(sequence(raw.get("teeth")))
+        ratio = _ratio(document.data["system"].get("teeth"))
         if ratio is not None:
             document.fill(("system", "tooth_ratio"), str(ratio), document.where(("system", "teeth")))
-
-    def cycles_of_input(self) -> float | None:
-        """Z1."""
-        return first_number(self.teeth)
+        return super().complete(document, source)
 
     def conflicts(self) -> Iterator[Conflict]:
         """A load of one number per coordinate."""
         yield from super().conflicts()
         yield from wrong_length(self, "load", 3)
-        ratio = _ratio(self.teeth or ())
+        ratio = _ratio(self.teeth)
         if ratio is not None and self.tooth_ratio != ratio:
             message = f"is not that of the teeth, Z2/Z4 = {ratio}"
             yield ("tooth_ratio",), "inconsistent", message, "remove it, or change the teeth"
@@ -107,7 +105,9 @@ class TwoStage(System):
         return Assembly(Coordinates(dict.fromkeys(COORDINATES, "m")), elements, meshes).system(self, load)
 
 
-def _ratio(teeth: Sequence[Any]) -> Fraction | None:
+def _ratio(teeth: Any) -> Fraction | None:
     """Return Z2/Z4 of numbers of teeth, None where they are none."""
+    if not isinstance(teeth, list | tuple):
+        return None
     z = [number for number in teeth if type(number) is int and number > 0]
     return Fraction(z[1], z[2]) if len(z) == 4 == len(teeth) else None

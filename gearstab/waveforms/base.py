@@ -55,7 +55,7 @@ class Keys(Section):
     kind: str = "rectangular"
 
 
-class Waveform:
+class Waveform(Profile):
     """The shape w of a mesh stiffness, k_v = 2 k_a w: period 1 and zero mean; a :class:`Profile`.
 
     Its peak-to-peak is 1, so that 2 k_a is that of the stiffness, but for a Fourier series, which keeps the
@@ -124,19 +124,6 @@ class Waveform:
     def piecewise_constant(self) -> bool:
         """Whether it is constant between its breakpoints, whatever its parameters."""
         return False
-
-    @property
-    def batch(self) -> tuple[int, ...]:
-        """The shape of the parameters."""
-        raise NotImplementedError
-
-    def value(self, x: Array) -> Array:
-        """Return w at the phase x (in periods), which broadcasts against the batch; continuous from the right."""
-        raise NotImplementedError
-
-    def breakpoints(self) -> Array:
-        """Return ``(..., B)``, the phases in [0, 1) between which the wave is analytic."""
-        raise NotImplementedError
 
     def extremes(self) -> tuple[Array, Array]:
         """Return the least and the greatest value of w, ``(...)`` each."""

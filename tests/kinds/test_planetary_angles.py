@@ -14,7 +14,7 @@ from gearstab.floquet import solve
 from gearstab.modal import mean_modes
 from gearstab.system import GearSystem
 from gearstab.systems import build, section
-from gearstab.systems.planetary.angles import nearest
+from gearstab.systems.planetary.planets import nearest
 
 SCENE = configuration(
     "angles: assemble", "ring: {kind: rigid}", "teeth: {sun: 27, planet: 20}",

@@ -11,8 +11,8 @@ from scenes import read
 from gearstab.floquet import solve
 from gearstab.system import GearSystem
 from gearstab.systems import build, section
-from gearstab.systems.planetary.angles import misfit, nearest
 from gearstab.systems.planetary.phasing import Turning
+from gearstab.systems.planetary.planets import misfit, nearest
 from gearstab.systems.planetary.teeth import with_teeth
 
 SUN, PLANET, RING, NUMBER = 29, 20, 69, 7

@@ -74,7 +74,10 @@ def arrays(path: FilePath, names: Collection[str], most: int, units: dict[str, s
     try:
         if path.suffix.lower() == ".npz":
             return _npz(path, names, most)
-        return _hdf5(path, names, most, units) if _is_hdf5(path) else _matlab(path, names, most)
+        import h5py
+
+        matlab = path.suffix.lower() == ".mat" and not h5py.is_hdf5(path)
+        return _matlab(path, names, most) if matlab else _hdf5(path, names, most, units)
     except DataFileError:
         raise
     except Exception as error:  # each library has errors of its own for a broken file
@@ -105,12 +108,6 @@ def _npz(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
     return found
 
 
-def _is_hdf5(path: FilePath) -> bool:
-    import h5py
-
-    return path.suffix.lower() != ".mat" or bool(h5py.is_hdf5(path))
-
-
 def _hdf5(path: FilePath, names: Collection[str], most: int, units: dict[str, str] | None) -> dict[str, Any]:
     import h5py
 
@@ -126,17 +123,13 @@ def _hdf5(path: FilePath, names: Collection[str], most: int, units: dict[str, st
                 _checked(name, item.shape, most)
                 _real(name, item.dtype)  # before it is read: HDF5 trusts lists of any length, and may never return
                 if units is not None and "units" in item.attrs:
-                    units[name] = _text(item.attrs["units"])
+                    given = item.attrs["units"]
+                    units[name] = given.decode(errors="replace") if isinstance(given, bytes) else str(given)
                 item = item[()]
             found[name] = item
     # MATLAB's own HDF5 files hold the columns of a matrix as its rows.
     turned = path.suffix.lower() == ".mat"
     return {name: np.transpose(values) if turned and values is not None else values for name, values in found.items()}
-
-
-def _text(value: Any) -> str:
-    """Return an attribute of HDF5 as a text, whether it is stored as one or as bytes."""
-    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
 def _matlab(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 from gearstab.errors import UserError
 
@@ -71,21 +71,6 @@ CODES: dict[Code, str] = {
     "wrong_order": "values in the wrong order",
     "wrong_type": "a mapping, list, text, number or truth value where another is expected",
 }
-
-PYDANTIC: dict[str, Code] = {
-    "missing": "missing",
-    "extra_forbidden": "unknown_key",
-    **dict.fromkeys(("greater_than", "greater_than_equal", "less_than", "less_than_equal"), "out_of_range"),
-    **dict.fromkeys(("list_type", "tuple_type", "model_type", "dict_type", "bool_type", "string_type"), "wrong_type"),
-    **dict.fromkeys(("too_short", "too_long"), "wrong_count"),
-}
-"""Types of pydantic's own errors; those that gearstab raises in a validator are codes themselves."""
-
-
-def code_of(kind: Any) -> Code:
-    """Return the code of an error of pydantic from its type."""
-    return PYDANTIC.get(kind) or cast("Code", kind)
-
 
 Path = tuple[str | int, ...]
 """Place of a value in a document: keys and 0-based indices."""

@@ -95,10 +95,6 @@ class Document:
     problems: list[Problem] = field(default_factory=list)
     first: int | None = 1
 
-    def copy(self) -> Document:
-        """Return a document whose data and places may be changed; its problems are the same list."""
-        return Document(self.file, copied(self.data), dict(self.values), dict(self.keys), self.problems, self.first)
-
     def where(self, path: Path) -> Where:
         """The place of the value at a path, or of the innermost one around it that exists."""
         for length in range(len(path), 0, -1):
@@ -136,9 +132,7 @@ class Document:
                 del table[known]
         container: Any = self.get(path[:-1])
         container[path[-1]] = value
-        for inner in paths_below(value, path):
-            self.values[inner] = place
-            self.keys[inner] = place
+        self.values[path] = place
 
     def fill(self, path: Path, value: Any, place: Where) -> bool:
         """Set a value that the mapping around it does not give; return whether it was set."""
@@ -162,20 +156,6 @@ class Document:
                 table[target + known[len(source) :]] = table[known]
 
 
-def copied(value: Any) -> Any:
-    """Return a copy of nested mappings and lists."""
-    if isinstance(value, dict):
-        return {key: copied(item) for key, item in value.items()}
-    return [copied(item) for item in value] if isinstance(value, list) else value
-
-
-def paths_below(value: Any, path: Path) -> Iterator[Path]:
-    """The path of a value and of everything in it."""
-    yield path
-    for key, item in entries(value):
-        yield from paths_below(item, (*path, key))
-
-
 def value_at(raw: Any, path: Path) -> Any:
     """The value at a path of nested mappings, lists and arrays; None where there is none."""
     for part in path:
@@ -191,8 +171,6 @@ def document_of(data: Mapping[str, Any], name: str = NAME) -> Document:
     document = Document(name, first=None)
     document.data = plain(document, data, ())
     document.stop()
-    for path in paths_below(document.data, ()):
-        document.values[path] = document.keys[path] = Where(name)
     return document
 
 

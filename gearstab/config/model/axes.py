@@ -198,12 +198,6 @@ def matrix(rows: Sequence[Sequence[Any]] | Array) -> Array:
     return np.stack(np.broadcast_arrays(*[vector(row) for row in rows]), axis=-2)
 
 
-def diagonal(values: Sequence[Any]) -> Array:
-    """``(..., n, n)`` diagonal matrix."""
-    entries = vector(values)
-    return entries[..., :, None] * np.eye(entries.shape[-1])
-
-
 def given(number: Any) -> bool:
     """Return whether a number is there and not zero everywhere."""
     return number is not None and bool(np.any(np.asarray(number) != 0))

@@ -6,12 +6,12 @@ Rules look at typed sections; :mod:`gearstab.config.model.reading` says what the
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, cast, get_args, get_origin
 
 from pydantic import BaseModel
-from pydantic_core import ErrorDetails
+from pydantic_core import ErrorDetails, PydanticCustomError
 
-from gearstab.config.document.problems import Code, Path, code_of, nearest
+from gearstab.config.document.problems import Code, Path, nearest
 from gearstab.config.document.tree import Document, entries, is_number
 from gearstab.config.model.fields import Section
 from gearstab.config.model.reading import (
@@ -27,6 +27,7 @@ from gearstab.config.model.reading import (
     right_name,
     type_at,
 )
+from gearstab.config.model.units import hint_of
 
 Conflict = tuple[Path, Code, str, str]
 """Path below the section, code, message, remedy."""
@@ -37,11 +38,11 @@ def items(section: Any) -> list[tuple[Any, Any]]:
     return [(key, value) for key, value in entries(section) if value is not None and value is not WRONG]
 
 
-def exactly_one(section: Any, names: tuple[str, ...], what: str = "") -> Iterator[Conflict]:
+def exactly_one(section: Any, names: tuple[str, ...]) -> Iterator[Conflict]:
     """Yield a conflict unless exactly one of the fields is given."""
     either = " or ".join(names)
     if all(getattr(section, name) is None for name in names):
-        yield (), "missing", f"{either} is missing", what or f"add {either}"
+        yield (), "missing", f"{either} is missing", f"add {either}"
     yield from at_most_one(section, names)
 
 
@@ -99,8 +100,8 @@ def repeated_names(section: Any, key: str, one: str) -> Iterator[Conflict]:
         if not isinstance(name, str):
             continue
         if name in seen:
-            hint = f"give each {one} a name of its own"
-            yield (key, place, "name"), "repeated_name", f"two {key} are called '{name}'", hint
+            message, hint = f"two {key.replace('_', ' ')} are called '{name}'", f"give each {one} a name of its own"
+            yield (key, place, "name"), "repeated_name", message, hint
         seen.add(name)
 
 
@@ -184,13 +185,10 @@ SHAPES = {
 }
 
 
-def validate(document: Document, model: type[Model], path: Path, ignore: Collection[Path] = ()) -> Model | None:
-    """The section at ``path`` as its model, or None after reporting what is wrong with it.
-
-    ignore: paths in the document whose problems are known already.
-    """
+def validate(document: Document, model: type[Model], path: Path) -> Model | None:
+    """The section at ``path`` as its model, or None after reporting what is wrong with it."""
     section, errors = read(model, document.get(path))
-    report_errors(document, errors, model, path, ignore)
+    report_errors(document, errors, model, path)
     return None if errors else section
 
 
@@ -199,7 +197,8 @@ def report_errors(
 ) -> None:
     """Report every error but those that follow from another one.
 
-    These concern neighbours of an option that does not exist yet, or a key that is given but misspelt.
+    These concern neighbours of an option that does not exist yet, or a key that is given but misspelt. ignore: paths in
+    the document whose problems are known already.
     """
     extra = [d["loc"] for d in details if d["type"] == "extra_forbidden"]
     misspelt = [(*loc[:-1], right_name(str(loc[-1]), type_at(model, loc[:-1]))) for loc in extra]
@@ -213,25 +212,29 @@ def report_errors(
             _report_one(document, detail, model, path)
 
 
-def explain(detail: Any) -> tuple[str, str]:
-    """Return message and remedy of an error that concerns a value alone."""
+def explain(detail: Any) -> tuple[Code, str, str]:
+    """Return code, message and remedy of an error that concerns a value alone."""
     kind, context = detail["type"], detail.get("ctx", {})
     if kind in SIGNS:
         bound = f"{SIGNS[kind]} {next(iter(context.values())):g}"
-        return f"must be {bound}", f"choose a value {bound}"
+        return "out_of_range", f"must be {bound}", f"choose a value {bound}"
     if kind in SHAPES:
-        return SHAPES[kind]
+        return "wrong_type", *SHAPES[kind]
     if kind in ("too_short", "too_long"):
         wanted = context.get("min_length", context.get("max_length"))
         hint = f"give {'at least' if kind == 'too_short' else 'at most'} {wanted}"
-        return f"has {context['actual_length']} entries", hint
-    return detail["msg"], context.get("hint", "")
+        return "wrong_count", f"has {context['actual_length']} entries", hint
+    return kind, detail["msg"], context.get("hint", "")
 
 
 def report_detail(document: Document, path: Path, detail: Any, value: Any) -> None:
     """Report an error that concerns a value alone."""
-    message, hint = explain(detail)
-    document.report(path, code_of(detail["type"]), message, hint, value=value)
+    document.report(path, *explain(detail), value=value)
+
+
+def report_wrong(document: Document, path: Path, error: PydanticCustomError, value: Any) -> None:
+    """Report an error that a conversion raised."""
+    document.report(path, cast(Code, error.type), error.message(), hint_of(error), value=value)
 
 
 def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None:
@@ -256,18 +259,12 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
     elif detail["type"] == "too_long" and get_origin(bare(type_at(model, loc))) is tuple:
         _wrong_count(document, here, type_at(model, loc))
     else:
-        message, hint = explain(detail)
+        code, message, hint = explain(detail)
         value = detail["input"]
         kind = number_kind(type_at(model, loc))
         if detail["type"] in SIGNS and kind is not None and kind.unit == "rad" and isinstance(value, int | float):
             hint = f'write "{value:g} deg" if degrees are meant, or {hint} rad'
-        document.report(
-            here,
-            code_of(detail["type"]),
-            message,
-            hint,
-            value=None if isinstance(value, list | dict) and not value else value,
-        )
+        document.report(here, code, message, hint, value=None if value in ([], {}) else value)
 
 
 def _lacks(detail: Any) -> bool:

@@ -9,12 +9,12 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from gearstab.config.document.problems import Path, code_of
+from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document, texts
 from gearstab.config.model import conflicts
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.reading import WRONG, known, quantity, told, type_at
-from gearstab.config.model.units import Quantity, hint_of
+from gearstab.config.model.units import Quantity
 from gearstab.systems.base import System
 
 TURNED = {
@@ -114,5 +114,5 @@ def _wrong_units(
         try:
             wanted.number(text)
         except PydanticCustomError as error:
-            document.report(place, code_of(error.type), error.message(), hint_of(error), value=text)
+            conflicts.report_wrong(document, place, error, text)
             yield place

@@ -8,13 +8,13 @@ from decimal import Decimal
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError, WithJsonSchema
 
 from gearstab.config.document.problems import Code, Path
 from gearstab.config.document.tree import Document
 from gearstab.config.model.axes import Array, Assignment, Axis, evenly
 from gearstab.config.model.conflicts import report_detail, validate
-from gearstab.config.model.fields import AnyNumber, Choice, Section, Whole, optional
+from gearstab.config.model.fields import NUMBER, AnyNumber, Choice, Section, Whole, optional
 from gearstab.config.model.reading import axis_choice, number_kind
 from gearstab.config.model.units import typed_unit
 from gearstab.config.sections.targets import Target, described
@@ -42,6 +42,31 @@ class Range(Section):
     """From value to value; the stop is included when a step hits it. Or give num."""
     spacing: Spacing = "linear"
     """log: equal ratios instead of equal differences, with num."""
+
+
+RANGE = {"$ref": "#/$defs/Range"}
+EACH = {"anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": NUMBER}, RANGE]}
+TIED = {"anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": EACH}, RANGE]}
+"""Schema of values for all targets, or of a list of such values, one for each target."""
+
+
+class Tie(Section):
+    """Several parameters on one axis."""
+
+    targets: list[str] = Field(min_length=1)
+    """Names of the parameters that vary together."""
+    values: Annotated[Any, WithJsonSchema(TIED)] = None
+    """One list or range for all targets, or a list of them, one for each target."""
+    start: AnyNumber | None = None
+    """The first value, of all targets."""
+    stop: AnyNumber | None = None
+    """The last value, of all targets."""
+    num: Count | None = optional("number of values")
+    """How many values; or give step."""
+    step: AnyNumber | None = None
+    """From value to value; or give num."""
+    spacing: Spacing | None = None
+    """linear or log."""
 
 
 @dataclass(frozen=True)

@@ -6,23 +6,15 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import Field, WithJsonSchema
 
 from gearstab.config.document.problems import Path, Problem, dotted, nearest
 from gearstab.config.document.tree import Document, Where, sequence, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY
-from gearstab.config.model.fields import NUMBER, AnyNumber, Section, optional
 from gearstab.config.model.reading import WRONG, SkipRule, as_far_as_right
-from gearstab.config.sections.expansion import (
-    Column,
-    Count,
-    Range,
-    Spacing,
-    UnresolvedAxis,
-)
+from gearstab.config.sections.expansion import Column, Range, Tie, UnresolvedAxis
 from gearstab.config.sections.targets import INPUT_SPEED, Target, TargetError, resolve
 from gearstab.methods import METHODS
 from gearstab.systems.base import System
@@ -33,31 +25,6 @@ GROUPS = ("modes", "bench", "teeth", *METHODS)
 """Names of the groups of a result."""
 LONGEST_NAME = 100
 """Characters of the name of an axis."""
-
-
-RANGE = {"$ref": "#/$defs/Range"}
-EACH = {"anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": NUMBER}, RANGE]}
-TIED = {"anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": EACH}, RANGE]}
-"""Schema of values for all targets, or of a list of such values, one for each target."""
-
-
-class Tie(Section):
-    """Several parameters on one axis."""
-
-    targets: list[str] = Field(min_length=1)
-    """Names of the parameters that vary together."""
-    values: Annotated[Any, WithJsonSchema(TIED)] = None
-    """One list or range for all targets, or a list of them, one for each target."""
-    start: AnyNumber | None = None
-    """The first value, of all targets."""
-    stop: AnyNumber | None = None
-    """The last value, of all targets."""
-    num: Count | None = optional("number of values")
-    """How many values; or give step."""
-    step: AnyNumber | None = None
-    """From value to value; or give num."""
-    spacing: Spacing | None = None
-    """linear or log."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +48,9 @@ class Context:
 def layouts(context: Context) -> list[UnresolvedAxis]:
     """Return what each axis sets; report unknown names, and parameters that two axes set."""
     document = context.document
-    section = document.get(("sweep",))
+    if "sweep" not in document.data:
+        return []
+    section = document.data["sweep"]
     if not isinstance(section, dict) or not section:
         hint = "add one, such as mesh_frequency: {start: 1, stop: 5, num: 200}"
         shown = None if section in (None, {}, []) else section
@@ -280,7 +249,9 @@ def without_effect(document: Document, found: list[UnresolvedAxis]) -> Iterator[
         for column, path in column_paths:
             place = document.values.get(path)
             # An option that replaces a whole section gives base values, as a file does.
-            if column.base is None and place and place.file not in (document.file, document.where(path[:-1]).file):
+            if column.base is not None or place is None or place.file == document.file:
+                continue
+            if place.file != document.where(path[:-1]).file:
                 message = f"has no effect on the sweep, whose axis {layout.name} sets it"
                 yield document.problem(
                     path, "set_twice", message, f"set {dotted(column.path)} instead", value=document.get(path)

@@ -9,9 +9,10 @@ from typing import Any, get_args
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from gearstab.config.document.problems import Path, Problem, code_of, dotted
+from gearstab.config.document.problems import Path, Problem, dotted
 from gearstab.config.document.tree import Document, mapping, sequence, value_at
-from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, replaced
+from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid, replaced
+from gearstab.config.model.conflicts import report_wrong
 from gearstab.config.model.reading import as_far_as_right, quantity
 from gearstab.config.model.units import Quantity
 from gearstab.config.sections.sweep import BaseValue, Context, is_absent
@@ -87,6 +88,21 @@ class Uncertainties:
                 if path == MESH_FREQUENCY:
                     return np.asarray(own.values(u[:, None], present, factor))
         return present
+
+    def doubts(self, document: Document, grid: Grid[System]) -> list[Problem]:
+        """Return what is said of distributions that reach beyond what their parameters can be."""
+        swept = {item.path: (item.values, item.factor) for axis in grid.axes for item in axis.assignments}
+        problems = []
+        for own in self.parameters:
+            path, factor = own.paths[0]
+            present = 0.0 if path == MESH_FREQUENCY else _present(grid.system, path)
+            values, scale = swept.get(path, (present, factor))
+            share = own.outside(np.asarray(values, dtype=float) / scale)
+            if share > OUTSIDE:
+                message = f"{100 * share:.3g} % of the distribution lies outside of {_between(own.low, own.high)}"
+                hint = "it is cut off there; choose a narrower one if that is not what is meant"
+                problems.append(document.problem((*SECTION, "parameters", own.name), "unusual", message, hint))
+        return problems
 
     @property
     def speed(self) -> tuple[Uncertain, float] | None:
@@ -192,8 +208,7 @@ def _number(context: Context, path: Path, value: Any, unit: Quantity) -> float |
     try:
         return unit.number(value)
     except PydanticCustomError as error:
-        found = error.context or {}
-        context.document.report(path, code_of(error.type), str(found["message"]), str(found["hint"]), value=value)
+        report_wrong(context.document, path, error, value)
         return None
 
 
@@ -268,18 +283,3 @@ def _correlation(context: Context, section: Any, names: list[str]) -> tuple[Arra
         message, hint = "contradict each other: their matrix is not positive definite", "bring some of them nearer to 0"
         context.document.report((*SECTION, "correlation"), "inconsistent", message, hint)
     return matrix, pairs
-
-
-def doubts(document: Document, found: Uncertainties, system: System, axes: Sequence[Axis]) -> list[Problem]:
-    """Return what is said of distributions that reach beyond what their parameters can be."""
-    swept = {item.path: (item.values, item.factor) for axis in axes for item in axis.assignments}
-    problems = []
-    for own in found.parameters:
-        path, factor = own.paths[0]
-        values, scale = swept.get(path, (0.0 if path == MESH_FREQUENCY else _present(system, path), factor))
-        share = own.outside(np.asarray(values, dtype=float) / scale)
-        if share > OUTSIDE:
-            message = f"{100 * share:.3g} % of the distribution lies outside of {_between(own.low, own.high)}"
-            hint = "it is cut off there; choose a narrower one if that is not what is meant"
-            problems.append(document.problem((*SECTION, "parameters", own.name), "unusual", message, hint))
-    return problems

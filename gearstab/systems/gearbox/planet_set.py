@@ -24,8 +24,7 @@ from gearstab.systems.gearbox.bodies import base_radius, number, other
 from gearstab.systems.gearbox.set_sections import MEMBERS, Planets, SetFault, SetPhases
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import MeshMotion, TrainError, Where
-from gearstab.systems.planetary.angles import ASSEMBLE, FIT, angles_of, assembly
-from gearstab.systems.planetary.rows import SetRows, turn_matrix
+from gearstab.systems.planetary.planets import ASSEMBLE, FIT, SetRows, angles_of, assembly, turn_matrix
 from gearstab.systems.planetary.teeth import SetTeeth
 
 OF_PLANETS = ("module", "pressure_angle", "helix_angle", "face_width", "addendum", "dedendum")

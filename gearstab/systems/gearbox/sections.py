@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from pathlib import Path as FilePath
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -11,7 +11,7 @@ from pydantic import Field
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.tree import Document
 from gearstab.config.model.axes import Axis, Grid
-from gearstab.config.model.conflicts import Conflict, items, within_each
+from gearstab.config.model.conflicts import Conflict, items, repeated_names, within_each
 from gearstab.config.model.fields import NonNegative
 from gearstab.config.model.reading import WRONG, known, told
 from gearstab.system import Array, GearSystem
@@ -100,9 +100,10 @@ class Gearbox(System):
         yield from super().mesh_places()
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
+    def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
         """Write out the angles of planets that are to be assembled."""
-        complete_angles(document, raw)
+        complete_angles(document, document.data["system"])
+        return super().complete(document, source)
 
     def check_feasible(self, document: Document, grid: Grid[Any]) -> None:
         """See :func:`gearstab.systems.gearbox.feasibility.check_train`."""
@@ -168,21 +169,13 @@ class Gearbox(System):
             yield ("units",), "not_applicable", "a gearbox is computed from its teeth, in SI units", "remove it"
         yield from within_each(self, "rotors", Rotor.conflicts)
         yield from within_each(self, "shafts", Shaft.conflicts)
-        rules = (self._own_names, self._named_rotors, lambda: set_conflicts(self), lambda: missing_of_teeth(self))
-        for rule in (*rules, self._loaded, self._torques, self._speed_of_laws, self._faults):
-            yield from known(rule())
-
-    def _own_names(self) -> Iterator[Conflict]:
-        """Each rotor, shaft and set has a name of its own."""
         if not self.meshes and not self.planetary_sets:
             yield ("meshes",), "missing", "is missing", "add a mesh of two gears, or planetary_sets"
-        for section in ("rotors", "shafts", "planetary_sets"):
-            names = Counter(item.name for _, item in items(self[section]) if isinstance(item.name, str))
-            for i, item in items(self[section]):
-                if isinstance(item.name, str) and names[item.name] > 1:
-                    names[item.name] = 0
-                    message = f"two {section.replace('_', ' ')} are called '{item.name}'"
-                    yield (section, i, "name"), "repeated_name", message, "give each a name of its own"
+        for section, one in (("rotors", "rotor"), ("shafts", "shaft"), ("planetary_sets", "set")):
+            yield from known(repeated_names(self, section, one))
+        rules = (self._named_rotors, lambda: set_conflicts(self), lambda: missing_of_teeth(self))
+        for rule in (*rules, self._loaded, self._torques, self._speed_of_laws, self._faults):
+            yield from known(rule())
 
     def _named_rotors(self) -> Iterator[Conflict]:
         """Shafts, meshes, input and outputs name rotors that exist."""

@@ -33,9 +33,8 @@ from gearstab.systems.gearbox.bodies import Rotor, Support, Teeth
 from gearstab.systems.gearbox.mesh import MEANS, TrainMeshKeys, relief_conflicts
 from gearstab.systems.parts.faults import Fault, fault_conflicts
 from gearstab.systems.parts.mesh import Named, ToothMesh
-from gearstab.systems.planetary import angles
-from gearstab.systems.planetary.angles import ASSEMBLE, MOST_PLANETS, assembly
 from gearstab.systems.planetary.phasing import RULES
+from gearstab.systems.planetary.planets import ASSEMBLE, MOST_PLANETS, assemble, assembly
 
 MEMBERS = ("sun", "ring", "carrier")
 """Members of a set, each a rotor."""
@@ -216,4 +215,4 @@ def complete_angles(document: Document, raw: dict[str, Any]) -> None:
         place = ("system", "planetary_sets", k, "planets", "angles")
         sun, ring = (teeth.get(str(item.get(gear))) for gear in ("sun", "ring"))
         hint = "give count, and rotors for sun and ring their teeth"
-        angles.assemble(document, place, planets, (sun, ring, planets.get("count")), hint)
+        assemble(document, place, planets, (sun, ring, planets.get("count")), hint)

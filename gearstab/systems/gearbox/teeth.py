@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import tan
@@ -37,6 +37,13 @@ OF_GEAR = {"module": None, "pressure_angle": None, "face_width": None, "profile_
 OF_MATERIAL = ("young", "poisson", "density")
 
 
+def entries_of(table: Mapping[tuple[str, str], Any]) -> tuple[tuple[int, ...], list[Numbers]]:
+    """Return the shape to which numbers broadcast, and all of them, by name, for each of its entries."""
+    arrays = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in table.values()))
+    rows = zip(*(array.ravel().tolist() for array in arrays), strict=True)
+    return arrays[0].shape, [dict(zip(table, row, strict=True)) for row in rows]
+
+
 @dataclass(frozen=True)
 class MeshTeeth:
     """The teeth of one mesh.
@@ -68,11 +75,7 @@ class MeshTeeth:
             table["mesh", "force"] = self.force
             for flank, part in self._flanks.items():
                 table |= {(flank, key): number(part[key]) for key in ("amount", "length")}
-        arrays = dict(zip(table, np.broadcast_arrays(*table.values()), strict=True))
-        shape = next(iter(arrays.values())).shape
-        flat = {key: values.ravel() for key, values in arrays.items()}
-        count = int(np.prod(shape, dtype=int))
-        return shape, [{key: float(values[k]) for key, values in flat.items()} for k in range(count)]
+        return entries_of(table)
 
     @property
     def batch(self) -> tuple[int, ...]:

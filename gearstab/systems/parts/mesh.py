@@ -208,7 +208,9 @@ def build_mesh(p: Any, direction: Array, frequency_ratio: Fraction | float = Fra
     wave = getattr(p, "wave", None) or build_waveform(p.waveform, p.contact_ratio)
     epsilon, amplitude, maximum = p.epsilon, p.amplitude, p.max_stiffness
     if epsilon is None and amplitude is None:
-        epsilon = _ratio(wave.mean_stiffness, wave.amplitude)
+        # 0 where the mean is, which is an error that the configuration reports.
+        divisor = np.where(wave.mean_stiffness != 0, wave.mean_stiffness, np.inf)
+        epsilon = wave.amplitude / divisor
     if maximum is not None:
         # A wave that keeps its stiffer level does so for an integer contact ratio too, where it is never reached.
         maximum, above = np.asarray(maximum, dtype=float), wave.stiffer_level
@@ -223,8 +225,3 @@ def build_mesh(p: Any, direction: Array, frequency_ratio: Fraction | float = Fra
     if amplitude is not None:
         epsilon = np.asarray(amplitude) / mean
     return Mesh(getattr(p, "name", ""), direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
-
-
-def _ratio(mean: Array, amplitude: Array) -> Array:
-    """amplitude/mean; 0 where the mean is, which is an error that the configuration reports."""
-    return np.where(mean != 0, amplitude / np.where(mean != 0, mean, 1.0), 0.0)

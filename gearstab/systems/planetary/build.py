@@ -12,9 +12,8 @@ from gearstab.config.model.axes import vector
 from gearstab.config.model.reading import held
 from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row
-from gearstab.systems.planetary.angles import angles_of
-from gearstab.systems.planetary.phasing import lags, rotations
-from gearstab.systems.planetary.rows import SetRows, turn_matrix
+from gearstab.systems.planetary.phasing import lags, speed_of
+from gearstab.systems.planetary.planets import SetRows, angles_of, turn_matrix
 
 CENTRAL = ("ring", "carrier", "sun")
 """The bodies on the axis of the gear."""
@@ -49,14 +48,14 @@ def build(p: Any) -> GearSystem:
     rigid ring only),
     ``pressure_angles``, ``meshes`` (``sun``, ``ring``), ``phases`` or ``teeth`` (:mod:`.phasing`), damping,
     ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``), ``carrier_speed`` and ``pin_preload``
-    (:mod:`.carrier`). ``scaling: dimensionless`` refers masses to m_r, stiffnesses to the mean k_rp and so
+    (:meth:`.SetRows.of_frame`). ``scaling: dimensionless`` refers masses to m_r, stiffnesses to the mean k_rp and so
     frequencies to sqrt(k_rp/m_r); lengths keep their scale.
 
     Source: Parker 2009, (1)-(8), (26)-(28) and appendix; derived again from the energies, since L2, L4 and M_j are
     misprinted there (derivatives in L2 act on v and v is projected on |m| >= 2; b_r of L4 depends on n and belongs
     inside the sum; M_j divides by r^2 twice). Rotational model: Lin & Parker 2002 (J. Sound Vib. 249, 129-145).
     """
-    gear = _Gear(int(p.planets), tuple(angles_of(p.planets, p.angles)), _harmonics(p.ring), p.motion == "planar")
+    gear = _gear(p, tuple(angles_of(p.planets, p.angles)))
     symmetric = p.angles is None
     angle = {name: np.asarray(p.pressure_angles[name], dtype=float) for name in ("sun", "ring")}
     meshes = [
@@ -70,21 +69,32 @@ def build(p: Any) -> GearSystem:
     ]
     elements = [*_bodies(gear, p, angle["ring"]), *_supports(gear, p, angle["ring"])]
     torques = p.load
-    system = Assembly(Coordinates(dict.fromkeys(gear.names, "m")), elements, meshes).system(
+    place = Coordinates(dict.fromkeys(gear.names, "m"))
+    system = Assembly(place, elements, meshes).system(
         p,
         {f"{body}_rotation": torques[body] for body in CENTRAL} if torques else None,
         symmetries=(gear.cyclic(),) if symmetric else (),
         drawing={} if symmetric else {"planet_angles": vector(gear.angles)},
     )
-    system = replace(system, rotations=rotations(p, system.mass, gear.frame(), gear.names.index("carrier_rotation")))
+    ratio, speed = speed_of(p)
+    if ratio or np.any(speed):
+        waves = [({f"ring_c{m}": 1.0}, {f"ring_s{m}": 1.0}, _wave_mass(p, m), m) for m in gear.waves]
+        moving = {body: (p.masses[body.rstrip("0123456789")], 0.0) for body in gear.bodies}
+        turning = gear.of_frame(place, moving, p.supports.planet, ratio, speed, waves, p.pin_preload)
+        system = replace(system, rotations=(turning,))
     if p.scaling == "SI":
         return system
     return system.scaled(np.asarray(p.masses.ring, dtype=float), meshes[-1].wave.mean_stiffness)
 
 
-def size(planets: int, harmonics: int, motion: str) -> int:
-    """Number of coordinates; ``harmonics`` is 1 for a rigid ring."""
-    return len(_Gear(planets, (), harmonics, motion == "planar").names)
+def size(p: Any) -> int:
+    """Number of coordinates."""
+    return len(_gear(p, ()).names)
+
+
+def _gear(p: Any, angles: tuple[Array, ...]) -> _Gear:
+    """Return the coordinates of a gear: J is 1, of the rigid motion alone, of a rigid ring."""
+    return _Gear(int(p.planets), angles, 1 if p.ring.kind == "rigid" else int(p.ring.harmonics), p.motion == "planar")
 
 
 def _mesh_row(gear: _Gear, name: str, n: int, angle: Array) -> Row:
@@ -95,11 +105,6 @@ def _mesh_row(gear: _Gear, name: str, n: int, angle: Array) -> Row:
         cosine, sine = np.cos(m * psi), np.sin(m * psi)
         row |= {f"ring_c{m}": cosine * along - m * sine * across, f"ring_s{m}": sine * along + m * cosine * across}
     return row
-
-
-def _harmonics(ring: Any) -> int:
-    """J, the largest number of waves around the ring; 1, its rigid motion alone, of a rigid ring."""
-    return int(ring.harmonics) if ring.kind == "elastic" else 1
 
 
 @dataclass(frozen=True)
@@ -120,6 +125,11 @@ class _Gear(SetRows):
         ]
         found += [f"{name}_{way}" for name in ("carrier", "sun") for way in (*body, "rotation")]
         return tuple(found + [f"planet{n}_{way}" for n in self.numbers for way in (*planet, "rotation")])
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of all bodies."""
+        return (*CENTRAL, *(f"planet{n}" for n in self.numbers))
 
     @property
     def waves(self) -> range:
@@ -145,36 +155,28 @@ class _Gear(SetRows):
         ways = ("radial", "tangential", "rotation") if self.planar else ("rotation",)
         planets = [[f"planet{n}_{way}" for n in self.numbers] for way in ways]
         index = {name: k for k, name in enumerate(self.names)}
-        return turn_matrix(index, self.planets, self._central_waves, planets)
-
-    def frame(self) -> Array:
-        """``(n, n)``, J of :func:`.carrier.rotations`: by how much a turn of the frame turns the displacements."""
-        planets = [(f"planet{n}_radial", f"planet{n}_tangential", 1) for n in self.numbers if self.planar]
-        found, index = np.zeros((len(self.names), len(self.names))), self.names.index
-        for first, second, m in (*self._central_waves, *planets):
-            found[index(second), index(first)], found[index(first), index(second)] = m, -m
-        return found
-
-    @property
-    def _central_waves(self) -> list[tuple[str, str, int]]:
-        """Pairs of coordinates of the bodies on the axis that turn by m times the angle of a turn, with m."""
         waves = [(f"ring_c{m}", f"ring_s{m}", m) for m in self.waves]
-        return waves + [(f"{body}_x", f"{body}_y", 1) for body in CENTRAL if self.planar]
+        waves += [(f"{body}_x", f"{body}_y", 1) for body in CENTRAL if self.planar]
+        return turn_matrix(index, self.planets, waves, planets)
 
 
 def _bodies(gear: _Gear, p: Any, ring_angle: Array) -> Iterator[Element]:
     """Yield the masses; int cos^2 + m^2 sin^2 over 2 pi of the ring's is (1 + m^2)/2."""
     masses, inertias = p.masses, p.inertias
-    ring = np.asarray(masses.ring, dtype=float)
-    thin = ring / np.cos(ring_angle) ** 2 if inertias.ring is None else None
-    for body in (*CENTRAL, *(f"planet{n}" for n in gear.numbers)):
+    thin = np.asarray(masses.ring, dtype=float) / np.cos(ring_angle) ** 2 if inertias.ring is None else None
+    for body in gear.bodies:
         kind = body.rstrip("0123456789")
         for along in ((1.0, 0.0), (0.0, 1.0)):
             yield Element(gear.shift(body, *along), mass=0.0 if masses[kind] is None else masses[kind])
         yield Element({f"{body}_rotation": 1.0}, mass=thin if kind == "ring" and thin is not None else inertias[kind])
     for m in gear.waves:
         for kind in "cs":
-            yield Element({f"ring_{kind}{m}": 1.0}, mass=ring * (1 + m**2) / 2)
+            yield Element({f"ring_{kind}{m}": 1.0}, mass=_wave_mass(p, m))
+
+
+def _wave_mass(p: Any, m: int) -> Array:
+    """Return m_r (1 + m^2)/2, the mass of a deflection of the ring by m waves."""
+    return np.asarray(p.masses.ring, dtype=float) * (1 + m**2) / 2
 
 
 def _supports(gear: _Gear, p: Any, ring_angle: Array) -> Iterator[Element]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from math import tau
 from typing import Annotated, Any
@@ -16,10 +16,9 @@ from gearstab.config.model.conflicts import Conflict, exactly_one
 from gearstab.config.model.fields import Flag, Ratio, Section, optional
 from gearstab.config.model.reading import known, told
 from gearstab.config.model.units import Quantity
-from gearstab.rotation import Rotation
 from gearstab.system import Array
 from gearstab.systems.kinematics import MeshMotion, Relation, solve
-from gearstab.systems.planetary.angles import angles_of
+from gearstab.systems.planetary.planets import angles_of
 
 SENSES = ("counter-clockwise", "clockwise")
 RULES = {"entry": "from entry to entry", "pitch_point": "from pitch point to pitch point"}
@@ -149,33 +148,10 @@ class CarrierSpeed(Section):
             yield (), "not_applicable", message, "take fixed: ring, or a rigid ring"
 
 
-def rotations(p: Any, mass: Array, frame: Array, carrier: int) -> tuple[Rotation, ...]:
-    """Return the rotation of the frame of a section ``system``; none where the carrier does not turn.
-
-    A point that the frame carries along moves by q' + W J q, so that the kinetic energy gives
-
-        M q'' + W (M J - J^T M) q' - W^2 J^T M J q,   J = m [[0, -1], [1, 0]]
-
-    mass: M. frame: J, with m = 1 of translations and m of a ring's deflection of m waves: the ring is at rest, and its
-    deflection passes the frame. carrier: position of u_c, on which ``pin_preload`` acts: a planet's bearing carries the
-    centrifugal force of the planet, and this force turns with the pin. Without it no rotation is free.
-
-    Damping acts between bodies and the frame, so that it turns with the carrier.
-
-    Sources: Lin & Parker 1999 (J. Vib. Acoust. 121, 316-321), without the preload, which is derived here.
-    """
+def speed_of(p: Any) -> tuple[Fraction | None, Array]:
+    """Return the speed of the carrier of a section ``system`` over that of the mesh, and a speed that is held."""
     given, teeth = p.carrier_speed or CarrierSpeed(), p.teeth
     ratio = given.speed_ratio
     if given.from_teeth and teeth and (moving := Turning.of(p, int(teeth.sun), int(teeth.ring))):
         ratio = moving.carrier
-    if not ratio and not np.any(0.0 if given.speed is None else given.speed):
-        return ()
-    speed, back = np.asarray(0.0 if given.speed is None else given.speed, dtype=float), frame.T
-    rotation = Rotation(ratio, speed, gyroscopic=mass @ frame - back @ mass, centripetal=-back @ mass @ frame)
-    if not p.pin_preload:
-        return (rotation,)
-    # W^2 m_p k_p/(k_p - W^2 m_p) of each planet.
-    own, bearing = (np.asarray(section.planet, dtype=float) for section in (p.masses, p.supports))
-    place = np.zeros(frame.shape)
-    place[carrier, carrier] = float(p.planets)
-    return (replace(rotation, preload=own[..., None, None] * place, softening=own / bearing),)
+    return ratio, np.asarray(0.0 if given.speed is None else given.speed, dtype=float)

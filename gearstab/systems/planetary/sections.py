@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from fractions import Fraction
+from pathlib import Path as FilePath
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -21,15 +22,6 @@ from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.gearbox.bodies import Teeth
 from gearstab.systems.gearbox.feasibility import MOST_TEETH, built, check_points
-from gearstab.systems.planetary import angles
-from gearstab.systems.planetary.angles import (
-    ASSEMBLE,
-    MOST_PLANETS,
-    angles_of,
-    assembly,
-    check_assembly,
-    clear_of_each_other,
-)
 from gearstab.systems.planetary.bodies import (
     BodyLoad,
     Inertias,
@@ -44,6 +36,15 @@ from gearstab.systems.planetary.bodies import (
 )
 from gearstab.systems.planetary.build import build, size
 from gearstab.systems.planetary.phasing import SENSES, CarrierSpeed, Turning, lags
+from gearstab.systems.planetary.planets import (
+    ASSEMBLE,
+    MOST_PLANETS,
+    angles_of,
+    assembly,
+    check_assembly,
+    clear_of_each_other,
+    write_out_teeth,
+)
 from gearstab.systems.planetary.teeth import listed, phasing_of, shifted, with_teeth
 
 BODIES = ("sun", "carrier", "ring")
@@ -130,10 +131,11 @@ class Planetary(System):
     the meshes follow where they are not given."""
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any], contents: Mapping[str, Array]) -> None:
+    def complete(cls, document: Document, source: FilePath) -> dict[str, Array]:
         """Write out the ring's teeth, the angles that are to be assembled, and a speed written in short."""
-        angles.complete(document, raw)
-        CarrierSpeed.complete(document, raw)
+        write_out_teeth(document, document.data["system"])
+        CarrierSpeed.complete(document, document.data["system"])
+        return super().complete(document, source)
 
     def cycles_of_input(self) -> float | None:
         """Cycles of the meshes, which all have one frequency, in a turn of the input: see :class:`.phasing.Turning`."""
@@ -203,8 +205,7 @@ class Planetary(System):
         return fits and clear_of_each_other(sun, planet, ring, angles_of(self.planets, self.angles))
 
     def size(self) -> int | None:
-        waves = 1 if self.ring.kind == "rigid" else int(self.ring.harmonics)
-        return size(int(self.planets), waves, self.motion)
+        return size(self)
 
     def conflicts(self) -> Iterator[Conflict]:
         """Yield what is missing for the kind of motion and ring, and phases that fit the planets and teeth."""

@@ -20,7 +20,7 @@ from gearstab.gears.planet_set import PlanetSet, closing_shifts, halfway
 from gearstab.system import Array
 from gearstab.systems.gearbox import bodies
 from gearstab.systems.gearbox.bodies import STEEL
-from gearstab.systems.gearbox.teeth import MeshTeeth
+from gearstab.systems.gearbox.teeth import MeshTeeth, entries_of
 from gearstab.systems.kinematics import TrainError
 from gearstab.systems.planetary.bodies import Inertias, Masses, Phases, PressureAngles
 from gearstab.systems.planetary.phasing import RULES, SENSES, Turning, lags
@@ -53,10 +53,9 @@ class SetTeeth:
         table = {(b, key): g[key] for b, g in self.gears.items() for key in CUT if g.get(key) is not None}
         if self.centre_distance is not None:
             table["", "centre_distance"] = self.centre_distance
-        arrays = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in table.values()))
-        rows = zip(*(array.ravel().tolist() for array in arrays), strict=True)
-        cuts = [self._one(dict(zip(table, row, strict=True))) for row in rows]
-        return {key: np.reshape([cut[key] for cut in cuts], arrays[0].shape) for key in cuts[0]}
+        shape, entries = entries_of(table)
+        cuts = [self._one(numbers) for numbers in entries]
+        return {key: np.reshape([cut[key] for cut in cuts], shape) for key in cuts[0]}
 
     def _one(self, numbers: dict[tuple[str, str], float]) -> dict[tuple[str, str], float]:
         """Shifts and tips of one entry of the batch."""

@@ -20,7 +20,7 @@ from scenes import CONFIGS, CONFIGURATIONS, examples, ran
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.document.problems import CODES
 from gearstab.config.document.yaml import write
-from gearstab.config.sections.methods import check_options
+from gearstab.config.readers import check_options
 from gearstab.sweep.plan import plan
 from gearstab.systems import build
 

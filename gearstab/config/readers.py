@@ -1,0 +1,265 @@
+"""Readers of the sections of a document: ``system``, ``sweep``, ``design``, ``respond`` and ``methods``.
+
+What is wrong is reported to the document.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field, create_model
+from pydantic_core import PydanticCustomError
+
+from gearstab.config.configuration import Config
+from gearstab.config.document.problems import ConfigError, Path, Problem, dotted, nearest
+from gearstab.config.document.tree import Document, names_set, value_at
+from gearstab.config.model.axes import SPEEDS, Array, Axis, SpeedAxis, replaced
+from gearstab.config.model.conflicts import report_errors
+from gearstab.config.model.fields import Section
+from gearstab.config.model.reading import WRONG, read, told
+from gearstab.config.model.units import Quantity, typed_unit
+from gearstab.config.samples import check_samples, read_files
+from gearstab.config.sections import sweep
+from gearstab.config.sections.dimensions import report_all
+from gearstab.config.sections.expansion import build
+from gearstab.config.sections.sweep import Context
+from gearstab.config.sections.targets import INPUT_SPEED, UNKNOWN_TEETH, Target
+from gearstab.methods import METHODS, POINTS, RANGE, OptionError, chosen
+from gearstab.system import GearSystem
+from gearstab.systems.base import System
+
+if TYPE_CHECKING:
+    from gearstab.config.sections.design import Design
+    from gearstab.config.sections.uncertain import Uncertainties
+    from gearstab.systems.parts.respond import PairRespond, Respond
+
+
+@dataclass
+class SystemSections:
+    """``system``, ``sweep`` and ``design``. plain: ``system`` as plain data, {} where something is wrong with it.
+
+    specs: ``sweep``, resolved. context: the section that names of uncertain parameters refer to. uncertain: their
+    targets. doubts: overrides without effect.
+    """
+
+    plain: dict[str, Any]
+    section: System
+    contents: dict[str, Array]
+    axes: tuple[Axis, ...]
+    specs: dict[str, Any]
+    context: Context
+    uncertain: dict[str, list[Target]]
+    design: Design | None
+    doubts: list[Problem]
+
+
+def _find_model(document: Document) -> type[System] | None:
+    """Return the model of ``system.kind``; None after reporting that there is none."""
+    from gearstab.systems import KINDS
+
+    if "system" not in document.data:
+        return None
+    system = document.data["system"]
+    kind = system.get("kind") if isinstance(system, dict) else None
+    if isinstance(kind, str) and kind in KINDS:
+        return KINDS[kind].variant(system)
+    path, available = ("system", "kind"), f"available: {', '.join(KINDS)}"
+    if not isinstance(system, dict):
+        document.report(("system",), "wrong_type", "must be a mapping", f"add kind; {available}", value=system)
+    elif kind is None:
+        document.report(path, "missing", "is missing", f"add kind; {available}")
+    else:
+        hint = f"{nearest(str(kind), KINDS)} ({available})"
+        document.report(path, "unknown_choice", "is no kind of system", hint, value=kind)
+    return None
+
+
+def read_system(document: Document, source: FilePath) -> SystemSections | None:
+    """Read ``system``, ``sweep`` and ``design``; None where the kind of system is not known.
+
+    document: short forms are written out in it.
+    """
+    model = _find_model(document)
+    if model is None:
+        return None
+    contents = model.complete(document, source)
+    bare, errors = read(model, document.data["system"])
+    section = bare.with_files(contents) if contents else bare
+    samples, doubts = read_files(document, section, source)
+    context = Context(document, section)
+    layouts, variables = sweep.layouts(context), []
+    if "design" in document.data:
+        from gearstab.config.sections import design
+
+        variables = design.layouts(context)
+    base, targets = list(sweep.base_values(context, [*layouts, *variables])), {}
+    if (tolerance := document.get(("methods", "tolerance"))) is not None:
+        from gearstab.config.sections import uncertain
+
+        targets = uncertain.resolve(context, tolerance)
+        base += uncertain.base_values(context, targets)
+    for path, value, place in reversed(base):  # the first one counts
+        bare, section = (replaced(each, path, value) for each in (bare, section))
+        document.values["system", *path] = place
+    given = {("system", *path) for path, _, _ in base}
+    report_all(document, ("system",), model, (section, errors), section.conflicts(), section, given)
+    context = Context(document, section)
+    built = [found for layout in layouts if (found := build(document, section, layout))]
+    axes, specs = tuple(axis for axis, _ in built), {axis.name: spec for axis, spec in built}
+    wanted = design.read(context, variables) if "design" in document.data else None
+    doubts += sweep.without_effect(document, layouts)
+    plain: dict[str, Any] = {}
+    wrong = any(value is WRONG for _, value, _ in base)
+    if not wrong and all(("system", *error["loc"]) in given for error in errors):
+        if section.damping is None and section.damping_ratio is None:
+            bare, section = (each.model_copy(update={"damping_ratio": 0.0}) for each in (bare, section))
+        plain = {"kind": document.data["system"]["kind"]} | bare.model_dump(mode="json", exclude_none=True)
+        for where, held, columns in samples.values():
+            section = replaced(section, where, value_at(section, where).model_copy(update=held))
+            contents[dotted(where)] = columns
+        check_samples(document, section, axes)
+    return SystemSections(plain, section, contents, axes, specs, context, targets, wanted, doubts)
+
+
+RAMP = ("respond", "ramp")
+OF_RAMP = (("to", "rad/s"), ("rate", "rad/s^2"))
+"""Where a ramp is, and which of its keys are speeds and accelerations of the input where the section gives that."""
+
+
+def read_respond(document: Document, system: System | None) -> Respond | PairRespond | None:
+    """Read the response that a document asks for; None without the section and after reporting problems.
+
+    system: its section, in which values may be wrong; None of an unknown kind.
+    """
+    if "respond" not in document.data:
+        return None
+    from gearstab.systems.parts.respond import Respond
+
+    section: Any = document.data["respond"]
+    model: type[Respond | PairRespond] = Respond if system is None else system.respond_model()
+    size, axis = None if system is None else told(system.size), SpeedAxis()
+    if system is not None and model is Respond and isinstance(section, dict):
+        axis = _replace_input_speed(document, section, told(system.cycles_of_input, 1.0))
+    respond, errors = read(model, section)
+    rules = () if respond is WRONG else respond.conflicts(system, size)
+    report_all(document, ("respond",), model, (respond, errors), rules, system)
+    return None if errors or size is None else respond.of_size(size, axis)
+
+
+def _replace_input_speed(document: Document, section: dict[str, Any], cycles: float | None) -> SpeedAxis:
+    """Write mesh frequencies in place of input speeds. cycles: of the first mesh in a turn of the input.
+
+    Returns in what the section gives its speed.
+    """
+    value, path = section.get(INPUT_SPEED), ("respond", INPUT_SPEED)
+    if value is None or section.get("mesh_frequency") is not None:
+        return SpeedAxis(typed_units=typed_unit([section.get("mesh_frequency")]))
+    if cycles is None:
+        document.report(path, "needs_other", "the numbers of teeth are not known", UNKNOWN_TEETH, at_key=True)
+        return SpeedAxis()
+    ramp = section.get("ramp")
+    own: list[tuple[Path, Path, str]] = [(path, ("respond", "mesh_frequency"), "rad/s")]
+    if isinstance(ramp, dict):
+        own += [((*RAMP, key), (*RAMP, key), unit) for key, unit in OF_RAMP if key in ramp]
+    try:
+        numbers = [Quantity(unit).number(document.get(given)) for given, _, unit in own]
+    except PydanticCustomError:
+        return SpeedAxis()  # which is reported where the section is validated
+    if min(numbers) <= 0:
+        return SpeedAxis()  # as that
+    for (given, meant, _), number in zip(own, numbers, strict=True):
+        document.put(meant, number * cycles, document.where(given))
+    del section[INPUT_SPEED]
+    return SpeedAxis(INPUT_SPEED, cycles, typed_unit([value]))
+
+
+class _Chosen(Section):
+    """Methods computed at every point of the grid; a method that is not named is not run."""
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """Names of the methods to run."""
+        return tuple(name for name in METHODS if getattr(self, name) is not None)
+
+
+FIELDS: dict[str, Any] = {
+    name: (method.Options | None, Field(default=None, title=name.replace("_", " "), description=method.Options.__doc__))
+    for name, method in METHODS.items()
+}
+Methods: Any = create_model("Methods", __base__=_Chosen, __doc__=_Chosen.__doc__, **FIELDS)
+"""A section with the options of each method, in the order of the table."""
+
+
+def read_methods(
+    document: Document, source: FilePath, system: SystemSections | None
+) -> tuple[Methods, Uncertainties | None] | None:
+    """Read the methods that a document asks for, with what files, axes and units add to their options.
+
+    Returns them, none without the section, and the uncertain parameters; None after reporting what is wrong with them,
+    and where something is wrong with the system. Methods that do not fit it, and a range of mesh frequencies that is
+    none, are reported.
+    """
+    section, sweep = document.data.get("methods"), document.data.get("sweep")
+    if "methods" in document.data and section in (None, {}):
+        document.report(("methods",), "missing", "names no method", f"add one of {', '.join(Methods.model_fields)}")
+        return None
+    named = section if isinstance(section, dict) else {}
+    known = {name: options for name, options in named.items() if name in METHODS}
+    for name in [name for name, options in known.items() if options is None]:
+        document.put(("methods", name), {}, document.where(("methods", name)))  # `floquet:` asks for it
+    for name in _without_frequency(known, sweep) if isinstance(sweep, dict) else ():
+        remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
+        document.report(("methods", name), "missing", "needs a mesh_frequency axis", remedy, at_key=True)
+    methods, errors = read(Methods, document.data.get("methods", {}))
+    report_errors(document, errors, Methods, ("methods",))
+    if errors or system is None or not system.plain:
+        return None
+    uncertainties = None
+    if methods.tolerance is not None:
+        from gearstab.config.sections import uncertain
+
+        tolerance: Any = methods.tolerance
+        uncertainties, own = uncertain.uncertainties(system.context, tolerance, system.uncertain, system.axes)
+        methods = methods.model_copy(update={"tolerance": tolerance.model_copy(update={"parameters": own})})
+    options = {name: getattr(methods, name) for name in methods.chosen}
+    ranges = [what for name in options if (what := METHODS[name].over_range(options[name]))]
+    full = {name: METHODS[name].completed(own, document, source, system.axes) for name, own in options.items()}
+    for axis in system.axes if ranges else ():
+        if axis.name in SPEEDS and not isinstance(axis.values, list) and axis.span[0] == axis.span[1]:
+            for what in ranges:
+                hint = "give two frequencies or more, or start and stop"
+                document.report(("sweep", axis.name), "no_range", f"is no range, {what}", hint)
+    for path, code, message, hint in system.section.unfit(system.axes, methods.chosen):
+        document.report(("methods", *path), code, message, hint, at_key=True)
+    return methods.model_copy(update=full), uncertainties
+
+
+def _without_frequency(sections: Mapping[str, Any], sweep: dict[str, Any]) -> Iterator[str]:
+    """Yield the methods that need mesh frequencies and get none. sections, sweep: as written."""
+    set_by = {name: set(METHODS[name].sets(options)) for name, options in sections.items()}
+    axes = {target for item in sweep.items() for target in names_set(*item)}
+    for name, own in set_by.items():
+        # The ends of a range are those of an axis; frequencies that come with cases have none.
+        names = set(sweep) if METHODS[name].frequency == RANGE else axes | own
+        if METHODS[name].frequency is not None and names.isdisjoint(SPEEDS):
+            yield name
+
+
+def check_options(config: Config, base: GearSystem) -> None:
+    """Raise ConfigError where the options of methods do not fit the base system, with one problem a method."""
+    found = []
+    for method in chosen(config.methods, base):
+        try:
+            method.check()
+            # Of others the section itself has been asked; this one needs a speed for this system only.
+            asked = METHODS[method.name].frequency == POINTS
+            if method.frequency == POINTS and not asked and all(a.mesh_frequency is None for a in config.axes):
+                message = "needs a mesh_frequency axis: speeds of rotation follow it"
+                raise OptionError((), message, "add mesh_frequency: {start: .., stop: .., num: ..} to sweep")
+        except OptionError as error:
+            found.append(config.problem(("methods", method.name, *error.path), "option", str(error), error.remedy))
+    if found:
+        raise ConfigError(found)
