@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from click.testing import Result
-from scenes import ran, written
+from scenes import ran, scene_text, written
 
 from gearstab.config import load
 from gearstab.floquet import solve
@@ -14,21 +14,7 @@ from gearstab.response import free_response
 from gearstab.results import open_result
 from gearstab.systems import build
 
-CONFIG = """
-title: a small train
-system:
-  kind: matrices
-  mass: [[1.0, 0.0], [0.0, 2.0]]
-  stiffness: [[0.5, 0.0], [0.0, 0.0]]
-  meshes:
-    - {name: fast, direction: [1, -1], mean_stiffness: 1.5, epsilon: 0.3, contact_ratio: 1.5, frequency_ratio: 1}
-    - {name: slow, direction: [0, 1], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.25, frequency_ratio: "1/2"}
-respond:
-  mesh_frequency: 1.25
-  cycles: 5
-  initial: {velocity: [0.0, 0.2]}
-  samples_per_cycle: 10
-"""
+CONFIG = scene_text("respond_command")
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import Result
-from scenes import ran
+from scenes import ran, scene_text
 
 from gearstab.config import load
 from gearstab.modal import static_equilibrium, static_mesh_force
@@ -16,19 +16,7 @@ from gearstab.response import RESPONSE_FLAGS, driven_response, harmonics, steady
 from gearstab.results import open_result
 from gearstab.systems import build
 
-SYSTEM = """
-system:
-  kind: matrices
-  mass: [[1.0, 0.0], [0.0, 2.0]]
-  stiffness: [[0.5, 0.0], [0.0, 0.0]]
-  damping_ratio: 0.05
-  load: [0.3, 1.0]
-  forces: [{direction: [1, 0], sin: [0.1], frequency_ratio: "1/2", lag: 0.25}]
-  meshes:
-    - {name: fast, direction: [1, -1], mean_stiffness: 1.5, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: slow, direction: [0, 1], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.25, frequency_ratio: "1/2",
-       transmission_error: {sin: [0.05, 0.02], cos: [0.01]}}
-"""
+SYSTEM = scene_text("respond_driven_command")
 STEADY = SYSTEM + "respond: {mesh_frequency: 1.25, steady_state: true, samples_per_cycle: 40}\n"
 HISTORY = SYSTEM + "respond: {mesh_frequency: 1.25, cycles: 6, samples_per_cycle: 20}\n"
 FREE = """kind: two_stage

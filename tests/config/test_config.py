@@ -16,28 +16,16 @@ import scipy.sparse
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
-from scenes import CONFIGURATIONS, read
+from scenes import CONFIGURATIONS, read, scene_text
 
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.document.yaml import parse, write
 from gearstab.modal import mean_modes
 from gearstab.systems import build
 
-PAIR = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 2
-  meshes: [{mean_stiffness: 8, epsilon: 0.3, contact_ratio: 1.5}]
-"""
+PAIR = scene_text("config_pair")
 
-FILE = """\
-system:
-  kind: matrices
-  file: model.npz
-  meshes: [{direction: [1, 1], mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}]
-sweep: {stiffness.0.1: [-1.0, -0.5]}
-methods: {perturbation: }
-"""
+FILE = scene_text("config_file")
 
 MASS, STIFFNESS, DAMPING = (
     np.diag([2.0, 1.0]),
@@ -305,13 +293,7 @@ def test_resolved_configuration_with_a_file(tmp_path: Path) -> None:
     assert load(tmp_path / "case.yaml").digest != config.digest
 
 
-SWEEP = (
-    PAIR
-    + """\
-sweep: {mesh_frequency: [1, 2], equivalent_mass: [1, 2], epsilon: {start: 0, stop: 0.5, num: 3}}
-methods: {floquet: {}}
-"""
-)
+SWEEP = scene_text("config_sweep")
 
 
 @pytest.mark.parametrize(

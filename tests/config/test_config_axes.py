@@ -9,33 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from scenes import plain, read
+from scenes import plain, read, scene_text
 
 from gearstab.config import Axis, Config
 from gearstab.systems import build
 
-TRAIN = """\
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: 1
-  meshes:
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {mean_stiffness: 1.2, epsilon: 0.2, contact_ratio: 1.6, phasing: 0.1}
-methods: {perturbation: }
-"""
+TRAIN = scene_text("config_axes_train")
 
-MATRICES = """\
-system:
-  kind: matrices
-  mass: [[2, 0.1, 0], [0.1, 1, 0], [0, 0, 3]]
-  stiffness: [[3, -1, 0], [-1, 2, -1], [0, -1, 1]]
-  meshes:
-    - {direction: [1, 1, 0], mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}
-    - {direction: [0, 1, -1], mean_stiffness: 2, epsilon: 0.2, contact_ratio: 2.3, lag: 0.25, frequency_ratio: "1/2"}
-methods: {perturbation: }
-"""
+MATRICES = scene_text("config_axes_matrices")
 
 shared = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
 

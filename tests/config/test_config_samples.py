@@ -4,20 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import scene_text
 
 from gearstab.config import Config, ConfigError, load
 from gearstab.systems import build
 
-PAIR = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 1
-  meshes:
-    - {name: a, MESH}
-sweep:
-  mesh_frequency: [1.0, 2.0]
-methods: {floquet: {}}
-"""
+PAIR = scene_text("config_samples")
 CONSTANT = "waveform: {kind: sampled, phase: [0, 0.5], stiffness: [3, 3]}"
 FROM_FILE = "waveform: {kind: sampled, file: k.csv}"
 

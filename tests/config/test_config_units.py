@@ -10,56 +10,17 @@ import h5py
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import CONFIGS, ran, read
+from scenes import CONFIGS, ran, read, scene_text
 
 from gearstab.config import ConfigError
 from gearstab.config.model.units import KNOWN, UnitError, hint_of, scale, to_si
 from gearstab.results.display import unit_of
 from gearstab.systems import build
 
-PAIR = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 0.5
-  damping_ratio: 0.02
-  load: 100
-  meshes: [{mean_stiffness: 2.0e+8, epsilon: 0.3, contact_ratio: 1.5}]
-"""
-TRAIN = """\
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5e8
-  load: [0, 0, 10]
-  meshes:
-    - {mean_stiffness: 1.0e+8, epsilon: 0.3, contact_ratio: 1.5}
-    - {mean_stiffness: 1.0e+8, epsilon: 0.3, contact_ratio: 1.5, phasing: 0.1}
-"""
-MIXED = """\
-system:
-  kind: matrices
-  mass: [[2.0, 0.0], [0.0, 0.01]]
-  stiffness: [[1.0e+6, 0.0], [0.0, 0.0]]
-  coordinate_units: [m, rad]
-  meshes: [{direction: [1.0, 0.05], mean_stiffness: 1.0e+8, epsilon: 0.3, contact_ratio: 1.5, lag: 0.2}]
-  load: [1.0, 2.0]
-respond: {mesh_frequency: 1000, cycles: 2, initial: {displacement: [1.0e-6, 0], velocity: [0, 0]}}
-"""
-PLANETARY = """\
-system:
-  kind: planetary
-  planets: 3
-  ring: {kind: rigid}
-  masses: {ring: 2.35, carrier: 5.43, sun: 0.4, planet: 0.66}
-  inertias: {ring: 3.0, carrier: 6.29, sun: 0.39, planet: 0.61}
-  supports: {carrier: 1.0e+8, sun: 1.0e+8, ring: 1.0e+8, planet: 1.0e+8, ring_rotation: 1.0e+9}
-  pressure_angles: {sun: 24.6 deg, ring: 24.6 deg}
-  meshes:
-    sun: {mean_stiffness: 5.0e+8, epsilon: 0.1, contact_ratio: 1.5}
-    ring: {mean_stiffness: 5.0e+8, epsilon: 0.1, contact_ratio: 1.5}
-  phases: {sun: [0, 0.25, 0.5], sun_ring: 0.5}
-  load: {sun: 100}
-"""
+PAIR = scene_text("config_units_pair")
+TRAIN = scene_text("config_units_train")
+MIXED = scene_text("config_units_mixed")
+PLANETARY = scene_text("config_units_planetary")
 
 
 def first_problem(folder: Path, text: str, *overrides: str):
@@ -150,29 +111,7 @@ respond: {mesh_frequency: 500, cycles: 3, initial: {displacement: [0, 0], veloci
 
 # ---- models without units
 
-NONE = """\
-system:
-  kind: two_stage
-  units: none
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  damping_ratio: 0.02
-  load: [0, 0, 1]
-  meshes:
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, phasing: 90 deg}
-sweep:
-  mesh_frequency: [1.0, 1.5, 2.0]
-  input_shaft_stiffness: [0.5, 0.6]
-  case: [{label: a, load.0: 0}, {label: b, load.0: 1, inertias.1: 0.4}]
-methods:
-  floquet: {exponents: true}
-  perturbation: {order: 2}
-  boundaries: {}
-  required_damping: {}
-  response: {}
-respond: {mesh_frequency: 1.0, cycles: 3}
-"""
+NONE = scene_text("config_units_none")
 
 
 def units_in(path: Path) -> dict[str, str]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from planetary_gears import cyclic
-from scenes import ran, written
+from scenes import ran, scene_text, written
 from systems import star, train
 
 from gearstab.floquet import solve
@@ -16,21 +16,7 @@ from gearstab.system import Cyclic, GearSystem
 
 OMEGA = np.linspace(0.7, 5.2, 31)
 
-STAR = """
-title: A hub and three satellites
-system:
-  kind: matrices
-  mass: [[1.7, 0, 0, 0], [0, 0.6, 0, 0], [0, 0, 0.6, 0], [0, 0, 0, 0.6]]
-  stiffness: [[0.4, 0, 0, 0], [0, 0.2, 0, 0], [0, 0, 0.2, 0], [0, 0, 0, 0.2]]
-  meshes:
-    - {name: a, direction: [1, -1, 0, 0], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
-    - {name: b, direction: [1, 0, -1, 0], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
-    - {name: c, direction: [1, 0, 0, -1], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
-sweep:
-  mesh_frequency: {start: 0.7, stop: 5.2, num: 31}
-methods:
-  floquet: {}
-"""
+STAR = scene_text("truncation_star")
 
 
 @pytest.fixture

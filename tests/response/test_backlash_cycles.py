@@ -10,7 +10,7 @@ import pytest
 import systems
 from click.testing import CliRunner
 from driven import integrated_with_backlash
-from scenes import ROOT, ran
+from scenes import ROOT, ran, scene_text
 
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
@@ -264,13 +264,7 @@ def test_the_figure_shows_the_orbit_and_where_it_is_once_a_period(tmp_path: Path
             draw(tree, "phase-plane", variable="energy")
 
 
-SCENE = """
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  load: [0.5]
-  meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, backlash: "2 m"}]
-"""
+SCENE = scene_text("backlash_cycles")
 
 
 def test_only_backlash_has_something_to_discard(tmp_path: Path) -> None:

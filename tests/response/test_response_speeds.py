@@ -10,7 +10,7 @@ import pytest
 from driven import CASES, force_peaks, pair, train, with_waves
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import ROOT, plain, ran
+from scenes import ROOT, plain, ran, scene_text
 
 from gearstab.config import load
 from gearstab.floquet import solve
@@ -195,22 +195,7 @@ def test_a_system_at_rest_has_no_steady_state_to_show() -> None:
     assert not replace(system, load=np.array([1.0])).symmetries
 
 
-CONFIG = """
-title: a run-up
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  damping_ratio: 0.05
-  load: [1.0]
-  meshes: [{name: mesh, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, transmission_error: {sin: [0.1]}}]
-sweep:
-  epsilon: [0.0, 0.3]
-  load.0: [1.0, 2.0]
-  mesh_frequency: {start: 0.4, stop: 2.6, num: 23}
-methods:
-  floquet: {}
-  response: {samples_per_cycle: 64}
-"""
+CONFIG = scene_text("response_speeds")
 
 
 def run(path: Path, *arguments: str) -> object:

@@ -3,34 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from scenes import ran
+from scenes import ran, scene_text
 
 from gearstab.config import ConfigError, load
 from gearstab.config.model.fields import LARGEST_RATIO
 from gearstab.config.model.units import LARGEST_NUMBER, SMALLEST_NUMBER
 
-TRAIN = """\
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  damping_ratio: 0.01
-  meshes:
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, phasing: 0.1}
-sweep: {mesh_frequency: [1.0, 2.0]}
-methods: {floquet: {}, perturbation: {}}
-respond: {mesh_frequency: 1.0, cycles: 2, initial: {displacement: [1, 0, 0]}}
-"""
-MATRICES = """\
-system:
-  kind: matrices
-  mass: [[1.0, 1.0e-40], [1.0e-40, 2.0]]
-  stiffness: [[1.0, 0], [0, 1.0e-90]]
-  meshes: [{direction: [1, 1], mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}]
-sweep: {mesh_frequency: [1.0, 2.0]}
-methods: {floquet: {}}
-"""
+TRAIN = scene_text("absurd_numbers_train")
+MATRICES = scene_text("absurd_numbers_matrices")
 
 ABSURD = [
     (TRAIN, "sweep.mesh_frequency.0=1e99", "sweep.mesh_frequency.0"),

@@ -3,47 +3,13 @@
 from pathlib import Path
 
 import pytest
-from scenes import CONFIGURATIONS, ran, written
+from scenes import CONFIGURATIONS, ran, scene_text, written
 
 from gearstab.config import load
 
-GEARBOX = """\
-system:
-  kind: gearbox
-  gears: {module: 3 mm, pressure_angle: 20 deg, face_width: 20 mm}
-  rotors:
-    - {name: motor, inertia: 0.05}
-    - {name: pinion, teeth: 19}
-    - {name: gear, teeth: 48}
-  shafts: [{name: coupling, between: [motor, pinion], stiffness: 2.0e+4}]
-  meshes: [{name: m, gears: [pinion, gear], damping_ratio: 0.02}]
-  input: {rotor: motor, speed: 1500 rpm}
-  outputs: [{rotor: gear, torque: 100}]
-sweep:
-  input_speed: {start: 500 rpm, stop: 3000 rpm, num: 7}
-methods: {floquet: {}}
-"""
-PAIR = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 0.6
-  damping_ratio: 0.02
-  load: 1000
-  meshes: [{mean_stiffness: 2.0e+8, epsilon: 0.3, contact_ratio: 1.5, backlash: 80 um}]
-sweep:
-  epsilon: [0.1, 0.2, 0.3]
-  mesh_frequency: {start: 500, stop: 60000, num: 5}
-methods: {floquet: {}}
-respond: {mesh_frequency: 10000, cycles: 3}
-"""
-DIMENSIONLESS = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, backlash: 80, transmission_error: {sin: [0.1]}}]
-sweep: {mesh_frequency: {start: 0.4, stop: 2.6, num: 5}}
-methods: {floquet: {}}
-"""
+GEARBOX = scene_text("doubts_gearbox")
+PAIR = scene_text("doubts_pair")
+DIMENSIONLESS = scene_text("doubts_dimensionless")
 
 
 def doubts(folder: Path, text: str, *overrides: str) -> list[tuple[str, str]]:
@@ -102,14 +68,7 @@ def test_models_without_units_are_silent(tmp_path, units):
     assert doubts(tmp_path, text, *units, "equivalent_mass=1.0e+8") == []
 
 
-MATRICES = """\
-system:
-  kind: matrices
-  mass: [[2, 1.0e-17], [1.0e-17, 3.0e-9]]
-  stiffness: [[1.0e+8, 0], [0, 10]]
-  coordinate_units: [m, rad]
-  meshes: [{direction: [1, 0.1], mean_stiffness: 2.0e+8, epsilon: 0.3, contact_ratio: 1.5}]
-"""
+MATRICES = scene_text("doubts_matrices")
 
 
 def test_matrices_are_judged_by_their_diagonal(tmp_path):

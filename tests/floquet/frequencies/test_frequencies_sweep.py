@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from click.testing import Result
-from scenes import ran
+from scenes import ran, scene_text
 
 from gearstab.config import load
 from gearstab.floquet import STATUS_FLAGS, solve
@@ -19,21 +19,7 @@ from gearstab.modal import mean_modes
 from gearstab.plots import draw
 from gearstab.systems import build
 
-CONFIG = """
-title: Two meshes
-system:
-  kind: matrices
-  mass: [[1, 0, 0], [0, 0.3, 0], [0, 0, 4]]
-  stiffness: [[0.5, 0, 0], [0, 0, 0], [0, 0, 0]]
-  damping_ratio: 0.005
-  meshes:
-    - {name: first, direction: [1, 1, 0], mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, direction: [0, 1, 1], mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5, RATIO}
-sweep:
-  mesh_frequency: {start: 1, stop: 7, num: 13}
-  epsilon: [0.1, 0.3]
-methods: {floquet: {lyapunov: {cycles: 60}}}
-"""
+CONFIG = scene_text("frequencies_sweep")
 RATIONAL, GOLDEN = 'frequency_ratio: "7/17"', "exact: false, frequency_ratio: 0.6180339887498949"
 
 

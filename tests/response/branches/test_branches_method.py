@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from backlash_pairs import CASES, pair
-from scenes import ran
+from scenes import ran, scene_text
 
 from gearstab import plots
 from gearstab.bench.costs import branch_cost
@@ -33,25 +33,8 @@ from gearstab.sweep import plan, run
 from gearstab.sweep.compute import compute
 from gearstab.sweep.storage.store import fits
 
-SYSTEM = """
-system:
-  kind: gear_pair
-  units: none
-  equivalent_mass: 1.0
-  damping_ratio: 0.05
-  load: [0.5]
-  meshes: [{name: mesh, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, backlash: 2.0}]
-"""
-CONFIG = (
-    SYSTEM
-    + """
-sweep:
-  meshes.mesh.epsilon: [0.2, 0.3]
-  mesh_frequency: {start: 0.55, stop: 1.0, num: 3}
-methods:
-  branches: {start: [rest], at: [0.9], points: 200, cycles: 60}
-"""
-)
+SYSTEM = scene_text("branches_method_system")
+CONFIG = scene_text("branches_method_config")
 
 
 def configured(folder: Path, text: str) -> Path:
@@ -237,13 +220,7 @@ def test_what_is_refused(tmp_path: Path, change: tuple[str, str], message: str) 
         plan(load(configured(tmp_path, CONFIG.replace(*change))))
 
 
-OVER = """
-sweep:
-  scaled: {targets: [meshes.mesh.mean_stiffness, load.0], start: 2.0, stop: 4.0, num: 3}
-  mesh_frequency: [1.3]
-methods:
-  branches: {over: scaled, start: [rest], at: [3.9], points: 200, cycles: 60}
-"""
+OVER = scene_text("branches_method_over")
 
 
 def test_branches_along_another_axis(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from energy_pair_reference import REFERENCE, W0
-from scenes import plain, ran
+from scenes import plain, ran, scene_text
 
 from gearstab.config import load
 from gearstab.config.document.problems import ConfigError
@@ -17,31 +17,9 @@ from gearstab.response.rotating_pair.stability import stability
 from gearstab.results import open_result
 from gearstab.systems import build
 
-SYSTEM = """
-title: two gears
-system:
-  kind: gear_pair
-  formulation: energy_conserving
-  teeth: [24, 96]
-  inertias: [2.89e-3, 0.7402]
-  torsional_stiffness: [1430, "2.78 kN m"]
-  single_contact_angle: 1.73
-  torque: 21.05
-  damping_ratio: 0.1
-"""
-RESPOND = """respond:
-  speed: "600 rpm"
-  cycles: 12
-  initial: {phi: 0.01472027972, phi_dot: 0, theta: 0}
-  samples_per_cycle: 50
-"""
-SWEEP = """sweep:
-  formulation: [energy_conserving, classical, rigid_kinematic]
-  torque: [0.0, 21.05, 84.2]
-  mesh_frequency: {start: 20000, stop: 36000, num: 5}
-methods:
-  floquet: {exponents: true}
-"""
+SYSTEM = scene_text("energy_pair_command_system")
+RESPOND = scene_text("energy_pair_command_respond")
+SWEEP = scene_text("energy_pair_command_sweep")
 
 
 def written(folder: Path, text: str) -> Path:
