@@ -106,29 +106,6 @@ def test_an_overflow_is_said(config: Path, tmp_path: Path) -> None:
         assert np.isfinite(tree["response"]["energy"].values).all()
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("respond:", "sweep: {epsilon: [0.1]}\nunused:", "unused"),
-        ("cycles: 5", "cycles: 1.0e+9", "respond.cycles: 1e+10 samples would make a file"),
-        ("velocity: [0.0, 0.2]", "velocity: [0.0, 0.0]", "respond.initial"),
-        ("velocity: [0.0, 0.2]", "velocity: [0.2]", "respond.initial.velocity"),
-        ("mesh_frequency: 1.25", "mesh_frequency: -1", "respond.mesh_frequency"),
-        ("cycles: 5", "cycles: 5\n  duration: 3", "respond"),
-    ],
-)
-def test_wrong_input_is_one_line_and_writes_nothing(
-    config: Path, tmp_path: Path, old: str, new: str, said: str
-) -> None:
-    config.write_text(CONFIG.replace(old, new))
-    out = tmp_path / "results" / "out.h5"
-    done = call(config, "-o", out)
-    assert done.exit_code == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.output
-    assert not out.parent.exists()
-
-
 def test_a_configuration_without_the_section(config: Path, tmp_path: Path) -> None:
     config.write_text(CONFIG[: CONFIG.index("respond:")] + "sweep: {mesh_frequency: [1.0]}\nmethods: {floquet: {}}\n")
     done = call(config, "-o", tmp_path / "out.h5")

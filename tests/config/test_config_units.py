@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tomllib
+from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,15 +12,13 @@ import h5py
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import CONFIGS, ran, read, scene_text
+from scenes import CONFIGS, DATA, ran, read, scene_text
 
 from gearstab.config import ConfigError
 from gearstab.config.model.units import KNOWN, UnitError, hint_of, scale, to_si
 from gearstab.results.display import unit_of
 from gearstab.systems import build
 
-PAIR = scene_text("config_units_pair")
-TRAIN = scene_text("config_units_train")
 MIXED = scene_text("config_units_mixed")
 PLANETARY = scene_text("config_units_planetary")
 
@@ -30,35 +30,21 @@ def first_problem(folder: Path, text: str, *overrides: str):
     return caught.value.problems[0]
 
 
-NUMBERS = [
-    (PAIR, "damping_ratio=5%", ("damping_ratio",), 0.05),
-    (PAIR, "damping_ratio=0.5 percent", ("damping_ratio",), 0.005),
-    (PAIR, "epsilon=30 %", ("meshes", 0, "epsilon"), 0.3),
-    (PAIR, "load=2 kN", ("load", 0), 2000.0),
-    (TRAIN, "phasing=90 deg", ("meshes", 1, "phasing"), 0.25),
-    (TRAIN, "phasing=25 %", ("meshes", 1, "phasing"), 0.25),
-    (TRAIN, "phasing=0.5 turn", ("meshes", 1, "phasing"), 0.5),
-    (TRAIN, "phasing=-180 deg", ("meshes", 1, "phasing"), -0.5),
-    (MIXED, "lag=90 deg", None, None),  # of every mesh but the first: there is none
-    (MIXED, "meshes.0.lag=36 deg", ("meshes", 0, "lag"), 0.1),
-    (MIXED, "meshes.0.direction.1=50 mm", ("meshes", 0, "direction", 1), 0.05),
-    (MIXED, "load.1=2 N m", ("load", 1), 2.0),
-    (MIXED, "mass.1.1=200 kg cm^2", ("mass", 1, 1), 0.02),
-    (PLANETARY, "phases.sun_ring=180 deg", ("phases", "sun_ring"), 0.5),
-    (PLANETARY, "phases.sun.1=90 deg", ("phases", "sun", 1), 0.25),
+READINGS = [
+    pytest.param(scene["scene"], row, id=row["set"])
+    for scene in tomllib.loads((DATA / "config" / "readings.toml").read_text())["scene"]
+    for row in scene["readings"]
 ]
 
 
-@pytest.mark.parametrize(("text", "override", "path", "value"), NUMBERS, ids=[n[1] for n in NUMBERS])
-def test_a_text_with_a_unit_is_a_number(tmp_path, text, override, path, value):
-    if path is None:
-        with pytest.raises(ConfigError):
-            read(tmp_path, text, override)
-        return
-    found = read(tmp_path, text, override).system
-    for key in path:
-        found = found[key]
-    assert found == pytest.approx(value, rel=1e-14)
+@pytest.mark.parametrize(("scene", "row"), READINGS)
+def test_what_is_written_is_read_as_this(tmp_path, scene, row):
+    """Texts with units, exact ratios, and values put in by every form of a path."""
+    found = read(tmp_path, scene_text(scene), row["set"]).system
+    for key in row["path"].split("."):
+        found = found[int(key) if key.isdigit() else key]
+    expected = Fraction(row["value"]) if isinstance(found, Fraction) else row["value"]
+    assert found == (pytest.approx(expected, rel=1e-14) if isinstance(found, float) else expected)
 
 
 def test_units_of_axes_are_those_of_their_very_number(tmp_path):

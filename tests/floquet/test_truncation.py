@@ -126,26 +126,6 @@ def test_map_of_chosen_modes(config, tmp_path):
     assert np.abs(growth - solve(alone, OMEGA).growth_rate[0]).max() < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ("{modes: [1, 9]}", "no mode 9"),
-        ("{modes: [1, 1]}", "names a mode twice"),
-        ("{modes: [2]}", "modes 2, 3 have equal frequencies"),
-        ("{modes: []}", "give at least 1"),
-        ("{modes: [0]}", "must be >= 1"),
-        ("{block: 1}", "no cyclic symmetry"),
-        ("{block: true}", "must be a type of mesh deflection"),
-        ("{block: -1}", "must be a type of mesh deflection"),
-        ("{block: 1, modes: [1]}", "cannot be combined with block"),
-    ],
-)
-def test_wrong_choices_are_named(config, tmp_path, options, message):
-    done = ran("sweep", config, "-o", tmp_path / "x.h5", "--set", f"methods.floquet={options}")
-    assert done.exit_code == 2
-    assert message in done.output
-
-
 def test_info_shows_the_reduction(config):
     text = ran("info", config).output
     assert "Reductions applied: blocks of 2, 1 (twice) modes." in text

@@ -186,17 +186,6 @@ def test_backlash_as_an_axis(tmp_path: Path) -> None:
         assert span[0] > 10 * span[1]
 
 
-def test_only_backlash_is_continued(tmp_path: Path) -> None:
-    source = ROOT / "configs" / "response" / "backlash_speeds.yaml"
-    out = tmp_path / "out.h5"
-    done = ran("sweep", source, "-o", out, "--set", "system.meshes.mesh.backlash=0")
-    assert done.exit_code != 0
-    assert "no mesh has backlash" in done.stderr
-    done = ran("sweep", source, "-o", out, "--set", "methods.response.discard=150")
-    assert done.exit_code != 0
-    assert "leaves nothing of 150 cycles" in done.stderr
-
-
 def test_the_file_holds_events_and_the_limit_cycle(tmp_path: Path) -> None:
     out = tmp_path / "out.h5"
     done = ran("respond", CONFIG, "-o", out, "--set", "respond.cycles=140")

@@ -226,34 +226,6 @@ def test_a_sweep_writes_the_responses_over_its_axes(tmp_path: Path) -> None:
         np.testing.assert_array_equal(unstable, tree["floquet"]["stable"].values == 0)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("  load: [1.0]\n", "", "load"),
-        ("samples_per_cycle: 64", "samples_per_cycle: 4", "methods.response.samples_per_cycle"),
-        ("  mesh_frequency: {start: 0.4, stop: 2.6, num: 23}\n", "", "needs a mesh_frequency axis"),
-        ("{sin: [0.1]}", "{sin: []}", "system.meshes.0.transmission_error: has no harmonics"),
-        ("load: [1.0]", "load: [1.0, 2.0]", "system.load: has 2 entries"),
-    ],
-)
-def test_wrong_input_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
-    path = tmp_path / "run.yaml"
-    path.write_text(CONFIG.replace(old, new).replace("  floquet: {}\n", ""))
-    done = run(path, "-o", str(tmp_path / "run.h5"), "-q", "-j", "1")
-    assert done.exit_code == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.output
-
-
-def test_a_system_that_nothing_drives_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "run.yaml"
-    text = CONFIG.replace("  load: [1.0]\n", "").replace("  load.0: [1.0, 2.0]\n", "")
-    path.write_text(text.replace(", transmission_error: {sin: [0.1]}", ""))
-    done = run(path, "-o", str(tmp_path / "run.h5"), "-q", "-j", "1")
-    assert done.exit_code == 2
-    assert "nothing drives the system" in done.stderr
-
-
 def planetary(**changes: object) -> dict[str, object]:
     """Document of the run-up among the configurations: torques on sun and carrier, the ring on a foundation."""
     root = ROOT

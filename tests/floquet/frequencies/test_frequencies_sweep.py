@@ -61,13 +61,6 @@ def test_auto_says_that_it_estimates(tmp_path: Path) -> None:
     assert masks["undecided"] == STATUS_FLAGS["undecided"]
 
 
-def test_estimates_of_a_sweep_hold_the_exact_growth(tmp_path: Path) -> None:
-    path = written(tmp_path, RATIONAL)
-    exact = swept(path)[1]["floquet"]["growth_rate"]
-    found = swept(path, "methods.floquet.frequencies=lyapunov")[1]["floquet"]
-    assert np.all(np.abs(found["growth_rate"] - exact) <= found["growth_rate_interval"])
-
-
 def test_one_mesh_at_a_time(tmp_path: Path) -> None:
     path = written(tmp_path, GOLDEN)
     floquet = swept(path, "methods.floquet.frequencies=per_mesh")[1]["floquet"]
@@ -81,24 +74,6 @@ def test_one_mesh_at_a_time(tmp_path: Path) -> None:
     overrides = ("meshes.second.epsilon=0", "meshes.second.exact=true", "meshes.second.frequency_ratio=1")
     alone = build(load(path, overrides).system)
     np.testing.assert_allclose(still["growth_rate"], solve(alone, np.array([2.0, 5.5])).growth_rate[0], atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ("methods.floquet.frequencies=common_period", "; choose per_mesh or lyapunov"),
-        ("methods.floquet.exponents=true", "not defined without a common period (lyapunov was chosen)"),
-        ("methods.floquet.frequencies=lyapunow", "did you mean 'lyapunov'"),
-        ("methods.floquet.lyapunov.cycles=3", "methods.floquet.lyapunov.cycles"),
-        ("methods={boundaries: {}}", "no common period"),
-        ("methods={required_damping: {frequencies: common_period}}", "no common period"),
-    ],
-)
-def test_what_has_no_answer_is_one_line(tmp_path: Path, change: str, said: str) -> None:
-    done = ran("sweep", written(tmp_path, GOLDEN), "-o", tmp_path / "out.h5", "--set", change)
-    assert done.exit_code == 2
-    assert said in done.stderr
-    assert not (tmp_path / "out.h5").exists()
 
 
 @pytest.mark.parametrize("command", ["bench", "respond"])

@@ -21,7 +21,7 @@ from scenes import ran, scene_text
 
 from gearstab import plots
 from gearstab.bench.costs import branch_cost
-from gearstab.config import ConfigError, load
+from gearstab.config import load
 from gearstab.errors import ResultError
 from gearstab.info import result
 from gearstab.info.result import jumps
@@ -206,18 +206,6 @@ def test_input_speeds_jump_in_rpm(tmp_path: Path) -> None:
     (found,) = jumps(xr.DataTree.from_dict({"/": root, "branches": group}))
     assert found["value"] == pytest.approx(150.0)
     assert (found["unit"], found["direction"], found["after"]) == ("rpm", "rising", None)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [((", backlash: 2.0", ""), "no mesh has backlash"), (("  load: [0.5]\n", ""), "nothing drives the system"),
-     (("points: 200", "points: 3"), "points"),
-     (("at: [0.9]", "over: meshes.mesh.backlash"), "is no axis of the sweep")],
-)  # fmt: skip
-def test_what_is_refused(tmp_path: Path, change: tuple[str, str], message: str) -> None:
-    assert change[0] in CONFIG
-    with pytest.raises(ConfigError, match=message):
-        plan(load(configured(tmp_path, CONFIG.replace(*change))))
 
 
 OVER = scene_text("branches_method_over")
