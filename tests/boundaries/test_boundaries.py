@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import DATA
-from tongues import disagreements, train
+from scipy.optimize import brentq
+from tongues import disagreements, inside, train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import BOUNDARY_FLAGS, boundaries, union
@@ -68,6 +69,33 @@ def test_low_mesh_frequencies() -> None:
     found = boundaries(system, 0.2, 0.3)
     assert disagreements(found, system, 0.2, 0.3, 6000) == {}
     assert (found.row == 0).sum() > 20
+
+
+def meissner(omega: float, epsilon: float) -> float:
+    """Half of the trace of a gear pair's monodromy matrix, m = k_g = 1, contact ratio 1.5."""
+    half, a, b = np.pi / omega, np.sqrt(1 + epsilon), np.sqrt(1 - epsilon)
+    return np.cos(a * half) * np.cos(b * half) - 0.5 * (a / b + b / a) * np.sin(a * half) * np.sin(b * half)
+
+
+@pytest.mark.parametrize("epsilon", [0.01, 0.4, 0.9])
+def test_gear_pair_against_the_closed_form(epsilon: float) -> None:
+    mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": np.array([epsilon]), "contact_ratio": 1.5}
+    found = boundaries(
+        build({"kind": "gear_pair", "equivalent_mass": 1.0, "meshes": [mesh]}), 0.3, 3.0, tolerance=1e-12
+    )
+    omega = 1 / np.linspace(1 / 3.0, 1 / 0.3, 200_001)
+    edges = []
+    for level in (1.0, -1.0):
+        value = np.array(meissner(omega, epsilon)) - level
+        for k in np.flatnonzero(value[1:] * value[:-1] < 0):
+            edges.append(
+                brentq(lambda x, y=level: meissner(x, epsilon) - y, omega[k + 1], omega[k], xtol=1e-15, rtol=1e-15)
+            )
+    ours = np.concatenate([found.lower, found.upper])
+    ours = np.sort(ours[~found.cut.T.ravel()])
+    assert len(ours) == len(edges)
+    # The trace is right to 1e-15 and has a slope of some epsilon^2 at least at the edge of the narrowest tongue.
+    np.testing.assert_allclose(ours, np.sort(edges), rtol=1e-10 if epsilon < 0.1 else 2e-12)
 
 
 def test_narrow_tongues_are_confirmed_in_forty_digits() -> None:
@@ -299,6 +327,14 @@ def test_frequencies_that_no_harmonic_has() -> None:
 def test_senseless_requests(start: float, stop: float, options: dict) -> None:
     with pytest.raises(ValueError, match="must"):
         boundaries(both(np.array([0.1])), start, stop, **options)
+
+
+def test_single_system() -> None:
+    """A system without a batch is one row."""
+    found = boundaries(both(0.3), 0.9, 7.0)
+    assert found.rows == 1
+    assert inside(found, 0, np.array([5.4]))[0]
+    assert found.labels()[-1] == "2w3"
 
 
 def test_names_are_kept_from_small_to_large_epsilon() -> None:

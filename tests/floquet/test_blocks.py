@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from driven import monodromy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planetary_gears import cyclic
@@ -226,6 +227,14 @@ def test_hidden_blocks_are_found(seed, groups, copies):
     if groups[0] > 1 or len(groups) == 1:
         assert (groups[0], copies) in moving
     assert_same(system, np.array([0.9, 2.4]), exponents=False)
+
+
+def test_growth_of_a_split_system_against_matrix_exponentials():
+    """One number by a third way: the product of exponentials of the first-order system, in the original coordinates."""
+    system, omega = cyclic(3), 2.05
+    result = solve(system, np.array([omega]))
+    largest = np.log(np.abs(np.linalg.eigvals(monodromy(system, [omega]))).max()) * omega / (2 * np.pi)
+    assert result.growth_rate[0, 0] == pytest.approx(largest, abs=1e-7)
 
 
 def test_components_of_graphs():

@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from systems import pair, two_stage
 
 from gearstab.floquet import STATUS_FLAGS, solve
-from gearstab.floquet.kernel import c_kernel, decision, factors
+from gearstab.floquet.kernel import c_kernel, damped, decision, factors
 from gearstab.floquet.kernel.invariants import growth_of
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.mesh import Mesh
@@ -62,6 +62,19 @@ def test_edges_of_the_reference(case):
     system = train(item["R"], item["epsilon"], item["contact_ratio"], item["phasing"])
     below, above = solve(system, edges - 3e-6).stable, solve(system, edges + 3e-6).stable
     np.testing.assert_array_equal(below[0] ^ above[0], 1)
+
+
+@pytest.mark.parametrize("omega", [0.05, 0.4, 1.3, 3.1])
+def test_meissner(omega):
+    """One degree of freedom with two levels: tr M = 2 c1 c2 - (w1/w2 + w2/w1) s1 s2 (Meissner 1918)."""
+    result = solve(build(pair()), np.array([omega]), exponents=True)
+    w1, w2 = np.sqrt(1.3), np.sqrt(0.7)
+    half = np.pi / omega
+    trace = 2 * np.cos(w1 * half) * np.cos(w2 * half) - (w1 / w2 + w2 / w1) * np.sin(w1 * half) * np.sin(w2 * half)
+    expected = np.arccosh(max(abs(trace) / 2, 1.0)) / (2 * half)
+    # Phases of up to w half = 70 rad are right to 1e-14; the period divides.
+    np.testing.assert_allclose(result.growth_rate[0, 0], expected, rtol=1e-11, atol=1e-14)
+    assert result.stable[0, 0] == (abs(trace) < 2)
 
 
 @pytest.mark.parametrize("damping", [False, True])
@@ -121,6 +134,37 @@ def test_time_origin_does_not_matter(lag, omega):
     np.testing.assert_allclose(a.growth_rate, b.growth_rate, atol=1e-7)
 
 
+@pytest.mark.parametrize("kind", ["damping_ratio", "rayleigh", "matrix", "mesh"])
+def test_determinant_tells_the_damping(kind):
+    """det M = exp(-T tr(M^-1 C)): the exponents add up to -tr(M^-1 C), for short and long periods alike."""
+    extra = {
+        "damping_ratio": {"damping_ratio": 0.03},
+        "rayleigh": {"damping": {"rayleigh": [0.02, 0.01]}},
+        "matrix": {"damping": {"matrix": [[0.02, 0.01, 0], [0.01, 0.03, 0], [0, 0, 0.05]]}},
+        "mesh": {},
+    }[kind]
+    system = train("2/3", **extra)
+    if kind == "mesh":
+        drag = 0.02 * system.meshes[0].outer + 0.05 * system.meshes[1].outer
+        system = GearSystem(system.mass, system.stiffness, system.meshes, drag)
+    found = solve(system, np.array([0.01, 0.3, 2.0, 6.0]), exponents=True)
+    trace = np.trace(np.linalg.solve(system.mass, system.damping))
+    np.testing.assert_allclose(found.exponents.sum(axis=-1), -trace, rtol=1e-12)
+    np.testing.assert_allclose(found.growth_rate, found.exponents.real.max(axis=-1), atol=1e-13)
+
+
+def test_mass_proportional_damping_is_a_shift():
+    """C = alpha M shifts every exponent by -alpha/2 of the system with K - alpha^2/4 M; general damping must agree."""
+    alpha = 0.04
+    omega = np.linspace(0.4, 6, 57)
+    shifted = solve(train(damping={"rayleigh": [alpha, 0.0]}), omega, exponents=True)
+    # A hair of stiffness-proportional damping forces the general path.
+    general = solve(train(damping={"rayleigh": [alpha, 1e-11]}), omega, exponents=True)
+    np.testing.assert_allclose(shifted.growth_rate, general.growth_rate, atol=1e-9)
+    np.testing.assert_array_equal(shifted.stable, general.stable)
+    assert shifted.growth_rate.min() == pytest.approx(-alpha / 2, abs=1e-15)
+
+
 @pytest.mark.parametrize("zeta", [0.999, 1.0, 1.001, 3.0])
 def test_critical_and_overdamped_pair(zeta):
     found = solve(build(pair({"epsilon": 0.0}, damping_ratio=zeta)), np.array([0.5, 2.0]), exponents=True)
@@ -139,6 +183,21 @@ def test_critically_damped_mode_of_a_train():
     )
     for k in range(2):
         np.testing.assert_allclose(np.sort(found.exponents[0, k].real), expected, atol=1e-7)
+
+
+def test_rigid_modes_take_no_part():
+    omega = np.linspace(0.3, 6, 200)
+    found = solve(train(shaft=0.0), omega, exponents=True)
+    assert np.all(np.abs(found.exponents).min(axis=-1) == 0)
+    # The same elastic system written in its two mesh deflections.
+    free = GearSystem(
+        np.linalg.inv([[1 + 1 / 0.3, 1 / 0.3], [1 / 0.3, 1 / 0.3 + 0.25]]),
+        np.zeros((2, 2)),
+        tuple(Mesh(str(i), np.eye(2)[i], 1.0, 0.3, Rectangular(1.5)) for i in range(2)),
+    )
+    same = solve(free, omega)
+    np.testing.assert_array_equal(found.stable, same.stable)
+    np.testing.assert_allclose(found.growth_rate, same.growth_rate, atol=1e-8)
 
 
 def test_a_batch_equals_its_rows():
@@ -209,6 +268,17 @@ def test_invariants_are_those_of_the_eigenvalues(n):
         np.testing.assert_allclose(doubled, np.poly(rho), rtol=1e-9, atol=1e-9 * np.abs(doubled).max())
 
 
+@pytest.mark.parametrize(
+    "case", [[1.0, -1.5, 0.3], [1.0, 1.0 + 1e-4, -0.5], [0.5 + 1.2j, 0.5 - 1.2j, 1.9], [0.0, 0.0, 0.0]]
+)
+def test_roots_of_cubics(case):
+    p = np.poly(case).real
+    found = numpy_kernel.roots(np.array([[-p[1]], [p[2]], [-p[3]]]))[:, 0]
+    for root in case:
+        # Roots 1e-4 apart lose four digits of the coefficients between them.
+        assert np.abs(found - root).min() < 1e-11
+
+
 def test_growth_of_a_large_root():
     """Only the largest root tells the growth; the small ones may drown in its rounding error."""
     p = np.poly([1e8, 1.0, -0.5])
@@ -254,3 +324,17 @@ def test_graded_products_keep_the_smallest_multiplier():
         chain.append((q[(k + 1) % rounds] @ triangle @ q[k].T)[None])
     found = np.sort(c_kernel.graded(chain)[0].real)[::-1]
     np.testing.assert_allclose(found, logs * rounds, atol=1e-12 * rounds)
+
+
+def test_general_damping_by_two_ways():
+    """Diagonalised generators against scaling and squaring."""
+    system = random_system(np.random.default_rng(5), 3, damping=True)
+    (pattern,) = prepare(system)
+    generator = damped.generators(pattern)
+    omega = np.array([0.3, 1.0, 2.5])
+    (m,), (scale,) = numpy_kernel.products_damped(pattern, generator, omega[None])
+    for k in range(3):
+        total = np.eye(6)
+        for s, state in enumerate(pattern.states):
+            total = expm(generator.matrix[0, state] * pattern.durations(0, omega)[s, k]) @ total
+        np.testing.assert_allclose(m[k] * np.exp(scale[k]), total, atol=1e-11)

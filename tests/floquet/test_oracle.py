@@ -65,6 +65,73 @@ def test_one_coordinate_has_meissners_trace_and_liouvilles_determinant(
         assert min(abs(second - value) for value in (small, mp.conj(small))) <= CLOSE * abs(second)
 
 
+def test_multipliers_beyond_the_range_of_doubles() -> None:
+    p = single(3.0, 1.4)
+    found = solve(p, 0.004, DIGITS)
+    with mp.workdps(found.digits):
+        trace = hill_trace(p, 0.004)
+        assert abs(found.multipliers[0]) > mp.mpf("1e308")
+        assert abs(found.multipliers[0] / trace - 1) <= CLOSE
+        assert abs(found.multipliers[0] * found.multipliers[1] - 1) <= CLOSE
+
+
+def test_constant_stiffness_gives_the_natural_frequencies() -> None:
+    # Two masses, exact by the quadratic formula.
+    p = Plain([[2.0, 0.0], [0.0, 0.5]], [[3.0, -1.0], [-1.0, 1.0]], [PlainMesh([1.0, -1.0], 1.25, 0.0, 1.5)])
+    found = solve(p, 1.1, DIGITS)
+    with mp.workdps(found.digits):
+        k11, k12, k22 = mp.mpf("4.25"), mp.mpf("-2.25"), mp.mpf("2.25")
+        half, product = (k11 / 2 + k22 / mp.mpf("0.5")) / 2, (k11 * k22 - k12**2)
+        squares = [half + mp.sqrt(half**2 - product), half - mp.sqrt(half**2 - product)]
+        for square in squares:
+            expected = mp.expj(mp.sqrt(square) * found.period)
+            assert min(abs(value - expected) for value in found.multipliers) <= CLOSE
+    # Lin & Parker's train with Table 1: the characteristic polynomial of |K - s M| written out, s = w^2.
+    flat = {"mean_stiffness": 1.0, "epsilon": 0.0, "contact_ratio": 1.5}
+    found = solve(train(meshes=[flat | {"name": "first"}, flat | {"name": "second"}]), 6.0, DIGITS)
+    roots = np.roots([1.0, -(1.5 + 2 / 0.3 + 1 / 4), (1.5 * 2 - 1) / 0.3 + 1.5 / 4 + (2 - 1) / 1.2, -(1.5 - 1) / 1.2])
+    rates = 1j * np.sqrt(roots.real)
+    # np.roots in double precision is good to some 1e-14 here.
+    assert_exponents_match(found.all_exponents(), np.array([*rates, *-rates]), float(found.period), rtol=1e-13)
+
+
+@pytest.mark.parametrize("tooth_ratio", [Fraction(1), Fraction(1, 2), Fraction(2, 3)])
+def test_undamped_multipliers_come_in_reciprocal_pairs(tooth_ratio: Fraction) -> None:
+    found = solve(train(tooth_ratio), 1.37, DIGITS)
+    with mp.workdps(found.digits):
+        for value in found.multipliers:
+            assert min(abs(value * other - 1) for other in found.multipliers) <= CLOSE
+            assert min(abs(mp.conj(value) - other) for other in found.multipliers) <= CLOSE * abs(value)
+
+
+@pytest.mark.parametrize("damping", [{"damping_ratio": 0.03}, {"damping": {"rayleigh": [0.02, 0.01]}}])
+def test_damped_multipliers_multiply_to_liouvilles_determinant(damping: dict[str, object]) -> None:
+    p = train(Fraction(2, 3), **damping)
+    found = solve(p, 0.31, DIGITS)
+    with mp.workdps(found.digits):
+        trace = mp.fsum(mp.mpf(p.damping[i][i]) / mp.mpf(p.mass[i][i]) for i in range(3))
+        determinant = mp.exp(-found.period * trace)
+        assert abs(mp.fprod(found.multipliers) / determinant - 1) <= CLOSE
+
+
+def test_more_digits_change_nothing_that_was_promised() -> None:
+    p = train(Fraction(2, 3), damping_ratio=0.02)
+    few, many = solve(p, 0.11, DIGITS), solve(p, 0.11, 2 * DIGITS)
+    with mp.workdps(many.digits):
+        for value in few.multipliers:
+            assert min(abs(value - other) / abs(other) for other in many.multipliers) <= CLOSE
+
+
+@pytest.mark.parametrize("shift", [Fraction(1, 8), Fraction(5, 16)])
+def test_the_origin_of_time_does_not_matter(shift: Fraction) -> None:
+    """Every wave later by the same time: its lag grows by r_i times the shift; binary fractions keep the lags exact."""
+    p = train(Fraction(1, 2), damping_ratio=0.01)
+    p = replace(p, meshes=[replace(mesh, lag=0.25 * i) for i, mesh in enumerate(p.meshes)])
+    later = [replace(mesh, lag=float(Fraction(mesh.lag) + shift * mesh.frequency_ratio)) for mesh in p.meshes]
+    here, there = solve(p, 1.9, DIGITS), solve(replace(p, meshes=later), 1.9, DIGITS)
+    assert_exponents_match(here.all_exponents(), there.all_exponents(), float(here.period), rtol=1e-15, atol=1e-15)
+
+
 def test_segments_of_unequal_mesh_frequencies() -> None:
     meshes = [
         PlainMesh([1.0], 1.0, 0.25, 2.5),

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from scenes import DATA
 
+from gearstab.system import shared_period
 from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undetermined, alike, solve
 
 TRAINS = json.loads((DATA / "reference_trains.json").read_text())["trains"]
@@ -32,6 +33,21 @@ def solved(train: dict[str, Any]) -> tuple[dict[str, Fraction], list[list[MeshMo
     rules += [alike(*ends, ("shafts",)) for ends in train["connections"]]
     rules += [mesh.relation for stage in found for mesh in stage]
     return solve(train["speeds_over_input"], rules), found
+
+
+@pytest.mark.parametrize("train", TRAINS, ids=lambda train: train["name"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_speeds_and_frequencies_are_those_of_the_reference(train: dict[str, Any], turned: bool) -> None:
+    speeds, found = solved(train, turned)
+    assert {body: str(speed) for body, speed in speeds.items()} == train["speeds_over_input"]
+    frequencies = [{mesh.frequency(speeds) for mesh in stage} for stage in found]
+    expected = [Fraction(mesh["mesh_frequency_per_input_speed"]) for mesh in train["meshes"]]
+    assert frequencies == [{value} for value in expected]
+    ratios = [value / expected[0] for value in expected]
+    assert [str(ratio) for ratio in ratios] == train["frequency_ratios_to_first"]
+    cycles, each = shared_period(list(ratios))
+    assert str(cycles) == train["common_period_in_cycles_of_first_mesh"]
+    assert [str(number) for number in each] == train["cycles_of_each_mesh_in_common_period"]
 
 
 def test_planets_turn_as_the_reference_says() -> None:

@@ -35,6 +35,9 @@ DATA = FilePath(__file__).parents[1] / "data" / "rotation"
 RANDOM = json.loads((DATA / "gyroscopic_multipliers.json").read_text())["cases"]
 
 
+ROTORS = json.loads((DATA / "rotors.json").read_text())
+
+
 def section(system: dict[str, Any]) -> dict[str, Any]:
     """A case of the reference as the section ``system``."""
     names = {"gyroscopic": "gyroscopic", "circulatory_speed": "circulatory", "centripetal": "centripetal"}
@@ -74,6 +77,75 @@ def rotor(rotation: dict[str, Any], mass: Any, stiffness: Any, damping: Any = No
     ((form,), (level,)) = elastic_forms(built), mean_levels(built)
     values = np.linalg.eigvals(form.generators(level)) * form.rate
     return values[np.lexsort((values.real, values.imag))]
+
+
+def test_stodola_rotor() -> None:
+    own, given = ROTORS["stodola"], ROTORS["stodola"]["inputs"]
+    k11, k12, k22 = own["k11_N_m"], own["k12_N"], own["k22_N_m_rad"]
+    m, diametral, polar = given["m"], given["Id"], given["Ip"]
+    plane = np.array([[k11, k12], [k12, k22]])
+    stiffness = np.kron(np.eye(2), plane).tolist()
+    gyroscopic = np.zeros((4, 4))
+    gyroscopic[1, 3], gyroscopic[3, 1] = polar, -polar
+    for row in own["rows"]:
+        if row["speed_rad_s"] == 0:
+            continue
+        values = rotor(
+            {"gyroscopic": gyroscopic.tolist()}, np.diag([m, diametral, m, diametral]).tolist(), stiffness,
+            speed=row["speed_rad_s"],
+        )  # fmt: skip
+        np.testing.assert_allclose(values.real, 0.0, atol=1e-9)
+        # Whirl frequencies of both senses: forward ones rise with the speed.
+        np.testing.assert_allclose(values.imag[values.imag > 0], np.sort(np.abs(row["whirl_rad_s"])), rtol=1e-9)
+
+
+def test_rotating_damping_destabilises_above_a_speed() -> None:
+    given = ROTORS["internal_damping"]["inputs"]
+    m, k, still, turning = given["m"], given["k"], given["ce"], given["ci"]
+    for row in ROTORS["internal_damping"]["rows"]:
+        values = rotor(
+            {"circulatory": [[0, turning], [-turning, 0]]}, [[m, 0], [0, m]], [[k, 0], [0, k]],
+            [[still + turning, 0], [0, still + turning]], row["speed_rad_s"],
+        )  # fmt: skip
+        assert values.real.max() == pytest.approx(row["growth"], rel=1e-9)
+
+
+def test_a_disc_that_tilts() -> None:
+    """I w^2 -+ I_p W w - k = 0: the forward motion rises, the backward one falls."""
+    given = ROTORS["tilting"]["inputs"]
+    diametral, polar, k = given["Id"], given["Ip"], given["k"]
+    for row in ROTORS["tilting"]["rows"][1:]:
+        gyroscopic = {"gyroscopic": [[0, polar], [-polar, 0]]}
+        mass, stiffness = [[diametral, 0], [0, diametral]], [[k, 0], [0, k]]
+        values = rotor(gyroscopic, mass, stiffness, speed=row["speed_rad_s"])
+        np.testing.assert_allclose(values.imag[values.imag > 0], np.sort(np.abs(row["whirl_rad_s"])), rtol=1e-9)
+        np.testing.assert_allclose(values.real, 0.0, atol=1e-9)
+
+
+STILL: dict[str, Any] = {"gyroscopic": [[0, 0], [0, 0]]}
+"""A rotation that nothing acts with."""
+
+
+def test_cross_coupled_bearings_flutter_above_a_threshold() -> None:
+    """Unsymmetric stiffness: |q| > c sqrt(k/m)."""
+    given, own = ROTORS["cross_coupled"]["inputs"], ROTORS["cross_coupled"]
+    m, c, k = given["m"], given["c"], given["k"]
+    for row in own["rows"]:
+        q = row["q_over_threshold"] * own["threshold_q_N_m"]
+        values = rotor(STILL, [[m, 0], [0, m]], [[k, q], [-q, k]], [[c, 0], [0, c]])
+        # The growth is a small part of the exponents, of 632 1/s, whose rounding it has.
+        assert values.real.max() == pytest.approx(row["growth"], rel=1e-9, abs=1e-10)
+
+
+def test_a_journal_bearing_has_a_critical_mass() -> None:
+    """Unsymmetric stiffness and full damping matrices; at the critical mass it whirls with a frequency of its own."""
+    own, given = ROTORS["journal"], ROTORS["journal"]["inputs"]
+    stiffness, damping = ([[given[f"{x}{i}{j}"] for j in "xy"] for i in "xy"] for x in "kc")
+    for row in [*own["rows"], {"mass_over_critical": 1.0, "growth": 0.0}]:
+        m = row["mass_over_critical"] * own["critical_mass_kg"]
+        values = rotor(STILL, [[m, 0], [0, m]], stiffness, damping)
+        assert values.real.max() == pytest.approx(row["growth"], rel=1e-9, abs=1e-10)
+    assert abs(values.imag[values.real.argmax()]) == pytest.approx(own["whirl_rad_s"], rel=1e-9)
 
 
 G = np.array([[0.0, 0.3, -0.2], [-0.3, 0.0, 0.4], [0.2, -0.4, 0.0]])

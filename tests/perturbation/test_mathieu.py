@@ -131,3 +131,15 @@ def test_edges_are_those_of_hills_method(name: str) -> None:
     expected = np.delete(expected, np.concatenate([closed, closed + 1]))
     assert len(expected) >= 6
     np.testing.assert_allclose(found, expected, rtol=tolerance)
+
+
+def test_a_trapezoid_with_short_ramps_is_nearly_the_rectangle() -> None:
+    """Meissner's equation is the limit: harmonics change by (s pi r)^2/6, and so do the edges."""
+    exact, _ = edges(oscillator(Rectangular(1.5), 0.3), 0.8, 3.0, 1e-12)
+    shift = []
+    for ramp in (0.02, 0.01):
+        found, _ = edges(oscillator(Trapezoidal(1.5, ramp), 0.3), 0.8, 3.0, 1e-12)
+        assert len(found) == len(exact)
+        shift.append(np.abs(found - exact).max())
+    # The next term is of fourth order: (s pi r)^2/20 of this one.
+    assert shift[0] / shift[1] == pytest.approx(4.0, rel=0.02)

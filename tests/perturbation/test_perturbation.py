@@ -142,6 +142,13 @@ def test_corrected_closed_form_32(drawn: tuple) -> None:
         assert ours**2 == pytest.approx(total / (2 * np.pi * w[p]) ** 2, rel=1e-10, abs=bound)
 
 
+def test_printed_form_32_is_about_twice_too_large() -> None:
+    """The correction matters: at c1 = c2 = 1.5 the print gives exactly twice, elsewhere no constant factor."""
+    w, x = strengths(train())
+    print_of = 2 / (np.pi * w[2]) * x[1, 2, 2]
+    assert print_of / half_width(first_order(train(tooth_ratio="1/2"), 2), "w3") == pytest.approx(2, rel=1e-12)
+
+
 # ---- what the paper concludes from them
 
 
@@ -154,6 +161,64 @@ def test_integer_contact_ratios_leave_no_instability(c: tuple[float, float]) -> 
 def test_half_integer_contact_ratios_leave_no_secondary_instability() -> None:
     tongues = first_order(train((1.5, 1.5), 0.3), 2)
     assert_array_equal([half_width(tongues, f"w{p}") for p in (1, 2, 3)], 0.0)
+
+
+@pytest.mark.parametrize(("c1", "c2"), [(1.5, 1.5), (1.1, 1.9), (1.3, 1.6), (1.75, 1.25)])
+def test_phasing_that_minimises_primary_instabilities(c1: float, c2: float) -> None:
+    """(21): least for c1 - c2 + 2h = +-1 or 3, greatest for 0 or 2; the paper's example c1 = 1.1, c2 = 1.9, h = 0.9."""
+    h = np.linspace(0, 1, 2001)
+    tongues = first_order(train((c1, c2), h), 1)
+    for p in (1, 2, 3):
+        width = half_width(tongues, f"2w{p}")
+        turn = c1 - c2 + 2 * h
+        low, high = turn[np.argmin(width)], turn[np.argmax(width)]
+        # The grid of h has a step of 5e-4.
+        assert min(abs(low - k) for k in (-1, 1, 3)) <= 1e-3
+        assert min(abs(high - k) for k in (-2, 0, 2)) <= 1e-3
+
+
+def test_combination_instabilities_go_the_other_way() -> None:
+    """(23), Fig. 5: what reduces the primary regions enlarges w1+w3 and w2+w3, whose delta products differ in sign."""
+    worst, better = (first_order(train(phasing=h), 1) for h in (0.0, 0.5))
+    for label in ("2w1", "2w2", "2w3", "w1+w2"):
+        assert half_width(better, label) < 0.5 * half_width(worst, label)
+    for label in ("w1+w3", "w2+w3"):
+        assert half_width(better, label) > 10 * half_width(worst, label)
+
+
+def test_greatest_secondary_instability() -> None:
+    """(22): c1, c2 = 1.25 or 1.75, h = 0 give Lambda = (k1 d1^2 + k2 d2^2)^2/(pi w_p)^2 (printed without divisor)."""
+    w, x = strengths(train())
+    c = np.linspace(1, 2, 41)
+    c1, c2, h = np.meshgrid(c, c, np.linspace(0, 1, 41)[:-1], indexing="ij")
+    tongues = first_order(train((c1, c2), h), 2)
+    for p in range(3):
+        width = 2 * half_width(tongues, f"w{p + 1}")
+        expected = (x[0, p, p] + x[1, p, p]) / (np.pi * w[p])
+        assert width.max() == pytest.approx(expected, rel=1e-12)
+        for c_1, c_2 in ((1.25, 1.25), (1.75, 1.75)):
+            at = np.argmin(abs(c - c_1)), np.argmin(abs(c - c_2)), 0
+            assert width[at] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(("c1", "c2", "turns"), [(1.2, 1.3, (0.5, 1.5)), (1.7, 1.8, (0.5, 1.5)), (1.2, 1.7, (0, 1, 2))])
+def test_phasing_that_minimises_secondary_instabilities(c1: float, c2: float, turns: tuple[float, ...]) -> None:
+    """Below (22): |c1 - c2 + 2h| = 0.5, 1.5 with both below or above 1.5, else 0, 1, 2."""
+    h = np.linspace(0, 1, 2001)
+    width = half_width(first_order(train((c1, c2), h), 2), "w2")
+    least = abs(c1 - c2 + 2 * h[np.argmin(width)])
+    assert min(abs(least - t) for t in turns) <= 1e-3
+
+
+def test_figure_7_combination_instability_vanishes_at_0_343() -> None:
+    """eps2 = 0.3: the text says "near 0.23"; from B_23 = 0 follows eps1 = 0.3 d22 d23/(d12 d13) = 0.3432."""
+    d = np.array(REFERENCE["mesh_deflection_abs"])
+    vanishing = 0.3 * d[1, 1] * d[1, 2] / (d[0, 1] * d[0, 2])
+    assert vanishing == pytest.approx(0.343, abs=5e-4)
+    at = first_order(train(epsilon=(np.array([0.23, vanishing]), 0.3)), 1)
+    near, zero = half_width(at, "w2+w3")
+    assert near > 0.04
+    assert zero == pytest.approx(0, abs=1e-15)
 
 
 # ---- names

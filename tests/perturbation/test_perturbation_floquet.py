@@ -60,6 +60,17 @@ def test_fifth_harmonic_of_the_first_mesh_counts_at_a_ratio_of_3_to_5() -> None:
     assert half == pytest.approx(0.0887, abs=1e-4)
 
 
+def test_figure_7_combination_instability_vanishes_where_first_order_says() -> None:
+    """eps2 = 0.3: Floquet's w2 + w3 tongue closes at eps1 = 0.343 as well, and is wide open at the text's 0.23."""
+    w = mean_modes(train()).natural_frequency
+    epsilon = np.array([0.23, 0.341, 0.342, 0.343, 0.344, 0.345])
+    # The half-width passes through zero linearly: its square touches zero.
+    found = [squared_half_width(train(epsilon=(e, 0.3)), (w[1], w[2]), 1.0, 0.02)[1] for e in epsilon]
+    assert np.sqrt(found[0]) > 0.04
+    closing = np.polynomial.Polynomial.fit(epsilon[1:], found[1:], 2).deriv().roots()[0]
+    assert closing == pytest.approx(0.343, abs=5e-4)
+
+
 def test_package_floquet_agrees_just_inside_and_outside() -> None:
     """The package's own Floquet flags on both sides of first-order edges, at an epsilon small enough for them."""
     system = scaled(train((1.3, 1.6), 0.2, "1/2"), 1e-3)

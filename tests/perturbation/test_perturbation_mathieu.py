@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh_tridiagonal
+from scipy.special import mathieu_a, mathieu_b
 from tongues import scaled, train
 
 from gearstab.mesh import Mesh
@@ -33,6 +34,21 @@ def test_characteristic_values_are_those_of_the_recurrence_at_their_q(m: int, ka
             beside[0] *= np.sqrt(2)
             order = m // 2
         assert value == pytest.approx(eigh_tridiagonal(diagonal, beside)[0][order], rel=1e-11)
+
+
+@pytest.mark.parametrize("kappa", [0.0, 0.05, 0.2, 0.35])
+@pytest.mark.parametrize("m", [1, 2, 3])
+def test_characteristic_values_lie_on_scipys_curves(m: int, kappa: float) -> None:
+    # Orders and q where scipy's functions hold 1e-12; at m = 5, q = 20.87 they jump to another curve.
+    a, b = characteristic_values(np.asarray(kappa), m)
+    assert a == pytest.approx(mathieu_a(m, kappa * a), rel=1e-11)
+    assert b == pytest.approx(mathieu_b(m, kappa * b), rel=1e-11)
+
+
+def test_published_transition_curves() -> None:
+    """b_1(0.5) = 0.470654354934 and a_1(0.5) = 1.466766842516 (Abramowitz & Stegun, chapter 20, convention a, q)."""
+    assert characteristic_values(np.asarray(0.5 / 1.466766842516), 1)[0] == pytest.approx(1.466766842516, rel=1e-11)
+    assert characteristic_values(np.asarray(0.5 / 0.470654354934), 1)[1] == pytest.approx(0.470654354934, rel=1e-11)
 
 
 def test_boundaries_are_periodic_solutions_of_the_modal_equation() -> None:

@@ -15,6 +15,7 @@ from gearstab.response import driven_response
 from gearstab.response.backlash import KINDS, BacklashResponse, backlash_response, follow
 from gearstab.response.backlash.contact import play, resting
 from gearstab.system import GearSystem
+from gearstab.systems import build
 
 Array = np.ndarray
 
@@ -319,3 +320,34 @@ def test_what_cannot_be_done_is_said() -> None:
         backlash_response(system, -1.0, 5.0, (np.zeros(1), np.ones(1)))
     with pytest.raises(ValueError, match="numbers are needed"):
         backlash_response(system, 1.0, 5.0, (np.zeros(2), np.ones(1)))
+
+
+@pytest.mark.parametrize("kind", ["planetary", "matrices"])
+def test_other_kinds_of_systems(kind: str) -> None:
+    if kind == "planetary":
+        mesh = {"mean_stiffness": 1.0, "epsilon": 0.2, "contact_ratio": 1.5, "backlash": 0.5, "damping": 0.05}
+        system = build({
+            "kind": kind, "planets": 3, "ring": {"kind": "rigid"}, "motion": "rotational",
+            "masses": {"ring": 1.0, "planet": 0.7},
+            "inertias": {"ring": 2.0, "carrier": 3.0, "sun": 1.0, "planet": 0.6},
+            "supports": {"carrier": 0.0, "sun": 0.0, "ring_tangential": 10.0, "ring_radial": 10.0,
+                         "carrier_rotation": 0.0, "sun_rotation": 0.0},
+            "pressure_angles": {"sun": 0.4, "ring": 0.4}, "meshes": {"sun": mesh, "ring": mesh},
+            "phases": {"sun": [0, 0.3, 0.6], "sun_ring": 0.2}, "scaling": "SI", "load": {"sun": 0.3, "carrier": -0.55},
+        })  # fmt: skip
+    else:
+        mesh = {"mean_stiffness": 1.0, "epsilon": 0.2, "contact_ratio": 1.5}
+        system = build({
+            "kind": kind, "mass": [[1.0, 0.0], [0.0, 2.0]], "stiffness": [[0.5, 0.0], [0.0, 0.2]], "load": [0.4, -0.1],
+            "meshes": [mesh | {"name": "a", "direction": [1, -1], "backlash": 0.3, "frequency_ratio": Fraction(1)},
+                       mesh | {"name": "b", "direction": [0.2, 1], "frequency_ratio": Fraction(3, 2)}],
+        })  # fmt: skip
+    start = np.concatenate([resting(system, play(system)), 0.8 * np.cos(np.arange(system.size))])
+    n = system.size
+    found = backlash_response(system, 1.3, 12.0, (start[:n], start[n:]), 20)
+    teeth = play(system)
+    expected, changes = integrated_with_backlash(
+        system, np.stack([teeth.low, teeth.high], axis=1), 1.3, start, found.time
+    )
+    assert len(changes) >= 3
+    np.testing.assert_allclose(found.displacement, expected[:, :n], atol=1e-8)

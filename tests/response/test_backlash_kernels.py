@@ -116,6 +116,16 @@ def test_how_touches_are_judged(above: float, parts: bool, grazes: bool) -> None
     assert bool(found.flags & BACKLASH_FLAGS["grazing"]) == grazes
 
 
+def test_the_largest_system_of_the_tests() -> None:
+    """A planar planetary gear: eighteen coordinates."""
+    system = planetary("planar")
+    start = pushed(system)
+    found = backlash_response(system, 1.1, 6.0, start, 20)
+    reference, changes = integrated_with_backlash(system, ends(system), 1.1, np.concatenate(start), found.time)
+    assert len(changes) == len(found.events) >= 6
+    np.testing.assert_allclose(found.displacement, reference[:, : system.size], atol=1e-8)
+
+
 @pytest.mark.parametrize("stiffer", [1.0, 2.0**26, 2.0**40])
 def test_units_do_not_matter(stiffer: float) -> None:
     """Stiffnesses as in SI units, under a load that keeps the teeth in contact: the motion of the linear system."""

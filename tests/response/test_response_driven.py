@@ -44,6 +44,15 @@ def test_the_steady_state_closes_under_numerical_integration(name: str) -> None:
     assert "unstable" not in found.findings
 
 
+def test_the_steady_state_is_where_long_integration_ends() -> None:
+    system, omega = train(damping_ratio=0.7), 2.6
+    found = steady_state(system, omega, 20)
+    # What is left of the beginning: 1e-12.
+    periods = int(np.ceil(np.log(1e12) / -found.growth_rate / found.common_period))
+    state = integrated(system, omega, np.zeros(6), periods * found.common_period)
+    np.testing.assert_allclose(state, np.concatenate([found.displacement[0], found.velocity[0]]), atol=1e-10)
+
+
 @pytest.mark.parametrize("beta", [0.05, 0.0])
 def test_one_motion_is_followed_as_by_the_maps_of_its_period(beta: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """A chain of 22 rotors under a sampled stiffness with kinks and a slow force: Runge-Kutta steps of the state

@@ -30,6 +30,17 @@ def bisected(stable, low, high, rounds=40):
     return high
 
 
+def test_bisection_on_the_growth_map():
+    system = train()
+    omega = np.linspace(0.4, 7.0, 67)
+    found = required_damping(system, omega, tolerance=1e-8).value[0]
+    free = solve(system, omega).stable[0]
+    assert np.all(found[free == 0] > 0)
+    for k in np.flatnonzero(found > 0)[::4]:
+        wanted = bisected(lambda z, k=k: solve(with_ratio(system, z), omega[k]).stable[0, 0] == 1, 0.0, 0.5)
+        assert found[k] == pytest.approx(wanted, rel=2e-8)
+
+
 def test_value_is_on_the_stable_side():
     system = train()
     omega = np.linspace(0.4, 7.0, 40)
@@ -81,6 +92,19 @@ def test_primary_tongues_of_first_order(mode):
         wanted = np.sqrt(half**2 - d**2) / middle
         difference.append(np.abs(required_damping(system, middle + d).value[0] - wanted).max())
     assert np.all(np.diff(np.log2(difference)) < -1.7)
+
+
+def test_threshold_of_first_order_theory_at_the_required_damping():
+    # A tongue that damping has just closed has the threshold 1 (factor on epsilon at which it opens) in first order.
+    system = train(0.02)
+    free = first_order(system, 1)
+    for k, label in enumerate(free.label):
+        if label not in ("2w2", "2w3", "w2+w3"):
+            continue
+        omega = free.center_frequency[k] + np.linspace(-0.3, 0.3, 31) * free.half_width[k]
+        largest = required_damping(system, omega).value.max()
+        damped = first_order(with_ratio(system, largest), 1)
+        assert damped.threshold[damped.label.index(label)] == pytest.approx(1.0, abs=0.01)
 
 
 def test_one_degree_of_freedom_is_the_growth_itself():

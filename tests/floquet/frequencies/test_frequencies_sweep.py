@@ -62,6 +62,13 @@ def test_auto_says_that_it_estimates(tmp_path: Path) -> None:
     assert masks["undecided"] == STATUS_FLAGS["undecided"]
 
 
+def test_estimates_of_a_sweep_hold_the_exact_growth(tmp_path: Path) -> None:
+    path = written(tmp_path, RATIONAL)
+    exact = swept(path)[1]["floquet"]["growth_rate"]
+    found = swept(path, "methods.floquet.frequencies=lyapunov")[1]["floquet"]
+    assert np.all(np.abs(found["growth_rate"] - exact) <= found["growth_rate_interval"])
+
+
 def test_one_mesh_at_a_time(tmp_path: Path) -> None:
     path = written(tmp_path, GOLDEN)
     floquet = swept(path, "methods.floquet.frequencies=per_mesh")[1]["floquet"]

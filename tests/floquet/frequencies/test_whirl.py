@@ -52,6 +52,20 @@ def test_overhung_disc() -> None:
     np.testing.assert_allclose(found.damping_ratio, 0.0, atol=1e-12)
 
 
+def test_critical_speeds() -> None:
+    """Where a natural frequency is the speed: one forward for a disc, two backward."""
+    speeds = np.linspace(5.0, 1500.0, 600)
+    found = whirl_motions(stodola(), speeds)
+    for sense, key in ((1, "forward_critical_speeds_rad_s"), (-1, "backward_critical_speeds_rad_s")):
+        expected, critical = ROTORS["stodola"][key], []
+        for mode in np.flatnonzero(found.whirl[0] == sense):
+            gap = found.natural_frequency[:, mode] - speeds
+            for k in np.flatnonzero(gap[:-1] * gap[1:] < 0):
+                critical.append(speeds[k] + (speeds[k + 1] - speeds[k]) * gap[k] / (gap[k] - gap[k + 1]))
+        # Linear between speeds 2.5 rad/s apart.
+        np.testing.assert_allclose(np.sort(critical), expected, rtol=1e-5)
+
+
 def test_forward_is_in_the_sense_of_the_rotation() -> None:
     speeds = np.array([100.0, 300.0])
     turning = stodola()

@@ -4,6 +4,7 @@ import numpy as np
 import oracle
 import pytest
 import systems
+from scipy.integrate import solve_ivp
 
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.modal import mean_modes
@@ -14,6 +15,9 @@ SETTLED = [
     for name, case in CASES.items()
     if "large" not in case.tags
 ]
+
+
+INTEGRATED = [name for name, case in CASES.items() if not case.tags & {"stiff", "negative", "slow", "many"}]
 
 
 def edge_of_tongue(system, low, high):
@@ -54,6 +58,47 @@ def test_status_says_what_happened(name):
         reported = {flag for flag, bit in STATUS_FLAGS.items() if status & bit}
         assert item.flags <= reported
         assert reported <= item.flags | {"eigenvalues", "krein"}
+
+
+@pytest.mark.parametrize("name", INTEGRATED)
+def test_integration_converges_to_the_result(name):
+    """DOP853 broken at the jumps: its distance from our growth falls with its tolerance, down to its own rounding."""
+    item = CASES[name]
+    omega = item.omega[-1]
+    growth = solve(item.system, np.array([omega]), exponents=True)
+    period = 2 * np.pi * float(item.system.common_period()[0]) / omega
+    distances = [
+        integrated_distance(item.system, omega, growth.exponents[0, 0] * period, rtol) for rtol in (1e-5, 1e-8, 1e-11)
+    ]
+    assert distances[2] < 1e-2 * distances[0] or distances[2] < 1e-9
+    assert distances[2] < 1e-7
+
+
+def integrated_distance(system, omega, logs, rtol):
+    """The largest distance of a multiplier of the integrated monodromy matrix from ours, over the largest of them."""
+    n = system.size
+    plain = oracle.plain(system)
+    inverse = np.linalg.inv(system.mass)
+    drag = np.zeros((n, n)) if system.damping is None else inverse @ system.damping
+    state = np.eye(2 * n)
+    for duration, levels in oracle.segments(plain):
+        stiffness = inverse @ system.stiffness_matrix([float(level) for level in levels])
+        a = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -drag]])
+        span = float(duration) * 2 * np.pi / omega
+        if span > 0:
+            run = solve_ivp(
+                lambda _, y, a=a: (a @ y.reshape(2 * n, -1)).ravel(),
+                (0, span),
+                state.ravel(),
+                "DOP853",
+                rtol=rtol,
+                atol=rtol / 10,
+            )
+            state = run.y[:, -1].reshape(2 * n, 2 * n)
+    theirs, ours = np.linalg.eigvals(state), np.exp(logs)
+    # A rigid mode's defective multiplier 1 scatters by the square root of the error; the others tell.
+    ours = ours[np.abs(logs) > 1e-12]
+    return np.abs(ours[:, None] - theirs).min(axis=1).max() / np.abs(ours).max()
 
 
 @pytest.mark.parametrize(("low", "high"), [(5.0, 5.4), (5.45, 5.8), (1.9, 2.0), (2.6, 2.71)])

@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 from planetary_gears import parameters
+from scipy.linalg import eigh
 
 import gearstab as gs
 from gearstab.config import ConfigError, load
 from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.floquet.general.mean import mean_motions
+from gearstab.propagation.elastic import elastic_forms, mean_levels
 from gearstab.response import steady_state
 from gearstab.rotation import factors
 from gearstab.system import GearSystem
@@ -70,6 +72,21 @@ def test_natural_frequencies_of_a_turning_carrier(gear: dict[str, Any], key: str
         if preload or row["carrier_speed_rad_s"] > 0:
             # Rounding of a real exponent: of the largest one.
             assert found.growth_rate.max() == pytest.approx(growth, abs=1e-10 * expected.max())
+
+
+@pytest.mark.parametrize("gear", GEARS, ids=[gear["name"] for gear in GEARS])
+def test_critical_speeds_of_the_printed_model(gear: dict[str, Any]) -> None:
+    """det(K + W^2 K_c) = 0: at these speeds, and at none beside them, a motion rests in carrier coordinates."""
+    system = built(section(gear["parameters"], "1/82", pin_preload=False))
+    ((form,), (level,)) = elastic_forms(system), mean_levels(system)
+
+    def smallest(speed: float) -> float:
+        values = np.linalg.svd(form.at_speed(82 * speed).generators(level), compute_uv=False)
+        return float(values[-1] / values[0])
+
+    for critical in gear["critical_speeds_as_printed_rad_s"]:
+        if critical > 0:
+            assert smallest(critical) < 1e-9 * smallest(critical * 1.001)
 
 
 @pytest.mark.parametrize("row", DATA["frames"]["pin_preload_from_nonlinear_model"])
@@ -190,6 +207,14 @@ def test_mistakes_get_a_line(changes: dict[str, Any], said: str) -> None:
     assert len(raised.value.problems) == 1
 
 
+def test_from_a_file_to_a_map() -> None:
+    case = FRAMES[2]
+    own = section(case["parameters"], f"1/{case['ring_teeth']}", case)
+    speeds = [case["mesh_frequency_rad_s"], 2e4]
+    tree = gs.sweep(gs.load({"system": own, "sweep": {"mesh_frequency": speeds}, "methods": {"floquet": {}}}))
+    assert tree["floquet/growth_rate"].values[0] == pytest.approx(case["growth_rate"], rel=1e-9)
+
+
 def test_loads_on_a_gear_that_is_held_and_one_that_is_not() -> None:
     """K + W^2 (K_c + preload) carries constant loads; without a support of carrier and sun nothing holds the speed."""
     own = section(GEARS[0]["parameters"], "1/82", damping_ratio=0.02, load={"sun": 1000.0, "carrier": -1800.0})
@@ -207,3 +232,33 @@ def test_loads_on_a_gear_that_is_held_and_one_that_is_not() -> None:
     found = steady_state(held, 82 * speed, 4).displacement
     expected = np.linalg.solve(stiffness, held.load)
     np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("planets", [4, 5])
+def test_pairs_of_translational_modes_split_as_first_order_says(planets: int) -> None:
+    """w -+ (W/2) phi_1^T G phi_2 (Lin & Parker 1999), with G = 2 m [[0, -1], [1, 0]] of each body."""
+    own = GEARS[0]["parameters"] | {"planets": planets}
+    rest = built({key: value for key, value in section(own, 0).items() if key != "carrier_speed"})
+    squared, shapes = eigh(rest.mean_stiffness_matrix(), rest.mass)
+    frequency = np.sqrt(np.maximum(squared, 0.0))
+    gyroscopic, mass = np.zeros_like(rest.mass), np.asarray(rest.mass)
+    for body in range(len(mass) // 3):
+        x, y = 3 * body, 3 * body + 1
+        gyroscopic[x, y], gyroscopic[y, x] = -2 * mass[x, x], 2 * mass[x, x]
+    modal = shapes.T @ gyroscopic @ shapes
+    equal = np.flatnonzero(np.diff(frequency) < 1e-6 * frequency[-1])
+    # Planet modes of five planets are pairs too, of bodies that move against each other.
+    pairs = [p for p in equal if frequency[p] > 1.0]
+    assert len(pairs) >= 6
+    for speed in (20.0, 40.0):
+        moved = np.sort(mean_motions(built(section(own, {"speed": speed}, pin_preload=False))).frequency[0])
+        for p in pairs:
+            split = speed * abs(modal[p, p + 1])
+            # Errors of first order are of order (W/w)^2 of w.
+            assert moved[p + 1] - moved[p] == pytest.approx(split, rel=1e-3, abs=2 * speed**2 / frequency[p])
+    for p in pairs:
+        if planets == 4 and abs(frequency[p] / (2 * np.pi) - 727.27) < 0.01:
+            assert abs(modal[p, p + 1]) == pytest.approx(1.842, abs=5e-4)
+            break
+    else:
+        assert planets == 5
