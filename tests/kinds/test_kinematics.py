@@ -25,14 +25,14 @@ def meshes(stage: dict[str, Any]) -> list[MeshMotion]:
     return [motion("sun", "planet", False, "carrier"), motion("planet", "ring", True, "carrier")]
 
 
-def solved(train: dict[str, Any]) -> tuple[dict[str, Fraction], list[list[MeshMotion]]]:
-    """Speeds, and the meshes of each stage."""
+def solved(train: dict[str, Any], turned: bool = False) -> tuple[dict[str, Fraction], list[list[MeshMotion]]]:
+    """Speeds, and the meshes of each stage. turned: whether the relations are solved in the opposite order."""
     found = [meshes(stage) for stage in train["stages"]]
     rules = [Relation({train["input"]: 1}, ("input",), 1)]
     rules += [Relation({body: 1}, (body,)) for body in train["held"]]
     rules += [alike(*ends, ("shafts",)) for ends in train["connections"]]
     rules += [mesh.relation for stage in found for mesh in stage]
-    return solve(train["speeds_over_input"], rules), found
+    return solve(train["speeds_over_input"], rules[::-1] if turned else rules), found
 
 
 @pytest.mark.parametrize("train", TRAINS, ids=lambda train: train["name"])
