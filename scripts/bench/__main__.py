@@ -1,11 +1,11 @@
-"""Run benchmarks by name: ``python -m bench map kernel``, or all of ``NAMES`` without one."""
+"""Run benchmarks by name: ``python -m bench kernel smooth``, or all of ``NAMES`` without one."""
 
 from __future__ import annotations
 
 import sys
 from importlib import import_module
 
-NAMES = ("map", "kernel", "blocks", "boundaries", "smooth", "tolerance")
+NAMES = ("kernel", "blocks", "boundaries", "smooth", "tolerance")
 ON_REQUEST = ("laws", "scale")
 """Benchmarks that take minutes."""
 

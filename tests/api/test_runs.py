@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import sweep_faults
 import xarray as xr
-from scenes import CONFIGS, ROOT, TRAIN, ran, written
+from scenes import CONFIGS, ROOT, ran, scene_text, written
 
 import gearstab as gs
 from gearstab.api import runs
@@ -26,16 +26,7 @@ from gearstab.sweep import Reporter, limits, plan
 from gearstab.sweep.forecast import estimate
 from gearstab.sweep.progress import Bar
 
-SWEPT = (
-    TRAIN
-    + """\
-sweep:
-  case: [{label: one, meshes.first.contact_ratio: 1.5}, {label: two, meshes.first.contact_ratio: 1.2}]
-  mesh_frequency: {start: 4.0, stop: 6.0, num: 7}
-  epsilon: [0.0, 0.2]
-methods: {floquet: {exponents: true}, perturbation: {}, boundaries: {}}
-"""
-)
+SWEPT = scene_text("runs_swept")
 OF_THE_RUN = {"created", "config_file"}
 """Attributes that tell two runs apart."""
 

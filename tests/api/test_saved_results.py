@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import CONFIGS, TRAIN, ran, written
+from scenes import CONFIGS, TRAIN, ran, scene_text, written
 from test_runs import same
 
 import gearstab as gs
@@ -28,16 +28,7 @@ methods:
   tongue_probability: {{samples: 16}}
 """
 """A sweep of every method; those without options are added."""
-PAIR = """\
-title: A pair
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  damping_ratio: 0.02
-  meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}]
-sweep: {mesh_frequency: {start: 1.8, stop: 2.2, num: 5}, epsilon: [0.2, 0.3]}
-methods: {required_damping: {}, boundaries: {tolerance: 1.0e-9}, floquet: {}}
-"""
+PAIR = scene_text("saved_results")
 
 
 @pytest.fixture(scope="module")

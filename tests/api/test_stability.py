@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import CONFIGS, TRAIN, written
+from scenes import CONFIGS, scene_text, written
 
 import gearstab as gs
 from gearstab.config import ConfigError
@@ -17,16 +17,7 @@ CONTACT_RATIO = np.array([[1.5], [1.2]])
 FREQUENCY = np.linspace(1.0, 6.0, 11)
 NAMES = {"epsilon": EPSILON, "meshes.second.contact_ratio": CONTACT_RATIO}
 
-SWEPT = (
-    TRAIN
-    + """\
-sweep:
-  meshes.second.contact_ratio: [1.5, 1.2]
-  epsilon: [0.0, 0.1, 0.3]
-  mesh_frequency: {start: 1.0, stop: 6.0, num: 11}
-methods: {floquet: {exponents: true}, perturbation: {harmonics: 2}, boundaries: {}}
-"""
-)
+SWEPT = scene_text("stability_swept")
 
 
 @pytest.fixture(scope="module")

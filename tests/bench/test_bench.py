@@ -8,7 +8,7 @@ import numpy as np
 import oracle
 import pytest
 import systems
-from scenes import ran
+from scenes import ran, scene_text
 
 from gearstab.bench import Scene, costs, measure, reference, work_precision
 from gearstab.bench.methods import METHODS, Entry
@@ -18,19 +18,7 @@ from gearstab.results import open_result
 from gearstab.system import GearSystem
 from gearstab.waveforms import Fourier, Trapezoidal
 
-CONFIG = """
-title: A train for the benchmark
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: "1/2"
-  meshes:
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.4}
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.7, phasing: 0.2}
-sweep: {mesh_frequency: {start: 0.5, stop: 7.0, num: 50}}
-methods: {floquet: {}}
-"""
+CONFIG = scene_text("bench_config")
 
 
 def test_reference_agrees_with_the_oracle():
@@ -177,17 +165,7 @@ def test_command_needs_a_mesh_frequency_axis(tmp_path):
     assert "mesh_frequency" in result.output
 
 
-ROTOR = """
-system:
-  kind: matrices
-  mass: [[1.0, 0.0], [0.0, 1.0]]
-  stiffness: [[1.0, 0.0], [0.0, 2.0]]
-  meshes:
-    - {direction: [1.0, 1.0], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
-    - {direction: [1.0, -1.0], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
-sweep: {mesh_frequency: {start: 0.5, stop: 7.0, num: 50}}
-methods: {floquet: {}}
-"""
+ROTOR = scene_text("bench_rotor")
 TURNING = ROTOR.replace(
     "  meshes", '  rotation: {speed_ratio: "1/20", gyroscopic: [[0.0, 0.5], [-0.5, 0.0]]}\n  meshes'
 )

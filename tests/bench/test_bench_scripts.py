@@ -27,7 +27,7 @@ def test_every_benchmark_can_be_started() -> None:
 
 
 def test_an_unknown_name_is_one_line() -> None:
-    with pytest.raises(SystemExit, match="no benchmark speed; there is map, kernel"):
+    with pytest.raises(SystemExit, match="no benchmark speed; there is kernel, blocks"):
         import_module("bench.__main__").main(["speed"])
 
 

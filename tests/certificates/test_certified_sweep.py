@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from scenes import TRAIN, ran, result_of, written
+from scenes import ran, result_of, scene_text, written
 
 pytest.importorskip("flint")
 
@@ -27,16 +27,7 @@ from gearstab.systems import build
 
 PLANETARY = Path(__file__).parents[2] / "configs" / "spinning" / "planetary.yaml"
 
-CASE = (
-    TRAIN.replace("tooth_ratio: 1\n", "tooth_ratio: 1\n  damping_ratio: 0.01\n")
-    + """\
-sweep:
-  mesh_frequency: [2.2, 2.9]
-  epsilon: [0.1, 0.3]
-methods:
-  boundaries: {certificate: true}
-"""
-)
+CASE = scene_text("certified_sweep_case")
 """At epsilon 0.3 a region from 2.63 to 2.73."""
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import TRAIN, code
+from scenes import code, scene_text
 
 from gearstab.cli.messages import Messages, reporter
 from gearstab.cli.terminal import tell
@@ -19,16 +19,7 @@ from gearstab.results import open_result
 from gearstab.sweep import pool
 from gearstab.sweep.progress import Bar
 
-CONFIG = (
-    TRAIN
-    + """\
-sweep:
-  case: [{label: "in phase, h = 0", phasing: 0.0}, {label: against, phasing: 0.5}]
-  mesh_frequency: {start: 4.0, stop: 6.0, num: 5}
-  epsilon: [0.1, 0.3]
-methods: {floquet: {}, perturbation: {harmonics: 1}}
-"""
-)
+CONFIG = scene_text("cli_sweep")
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 from numpy.testing import assert_allclose
-from scenes import CONFIGS, CONFIGURATIONS, DATA, ran, written
+from scenes import CONFIGS, CONFIGURATIONS, DATA, ran, scene_text, written
 from tongues import train
 
 from gearstab.config import Config, load
@@ -28,16 +28,7 @@ from gearstab.waveforms import Rectangular
 
 REFERENCE = json.loads((DATA / "lin_parker_2002.json").read_text())
 
-TWINS = """\
-title: Twins
-system:
-  kind: matrices
-  mass: [[2, 0, 0], [0, 1, 0], [0, 0, 1]]
-  stiffness: [[0.4, 0, 0], [0, 0.7, 0], [0, 0, 0.7]]
-  meshes:
-    - {name: left, direction: [1, -1, 0], mean_stiffness: 1.0, epsilon: 0.1, contact_ratio: 1.4}
-    - {name: right, direction: [1, 0, -1], mean_stiffness: 1.0, epsilon: 0.1, contact_ratio: 1.4, lag: 0.25}
-"""
+TWINS = scene_text("info_twins")
 
 
 KNOWN: dict[tuple[str, tuple[str, ...], int | None], dict[str, Any]] = {}

@@ -8,19 +8,11 @@ import h5py
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scenes import CONFIGS, TRAIN, code, ran, written
+from scenes import CONFIGS, code, ran, scene_text, written
 
 from gearstab.info import outcome
 
-CONFIG = (
-    TRAIN
-    + """\
-sweep:
-  mesh_frequency: {start: 4.0, stop: 6.0, num: 41}
-  epsilon: [0.1, 0.3]
-methods: {floquet: {}, boundaries: {}}
-"""
-)
+CONFIG = scene_text("outcome")
 
 
 def swept(folder: Path, name: str, *overrides: str) -> Path:

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from scenes import TRAIN, ran, written
+from scenes import TRAIN, ran, scene_text, written
 
 import gearstab as gs
 from gearstab.cli import group
@@ -16,16 +16,7 @@ from gearstab.errors import OutputError, SettingError
 from gearstab.results.export import safe
 from gearstab.results.provenance import now
 
-PAIR = """\
-title: "=SUM(A1)"
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  damping_ratio: 0.02
-  meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}]
-sweep: {mesh_frequency: {start: 1.8, stop: 2.2, num: 5}}
-methods: {floquet: {}, boundaries: {}}
-"""
+PAIR = scene_text("outputs_and_checks")
 BAD = PAIR.replace("epsilon: 0.3", "epsilon: much")
 
 

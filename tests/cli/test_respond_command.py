@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from click.testing import Result
-from scenes import ran, written
+from scenes import ran, scene_text, written
 
 from gearstab.config import load
 from gearstab.floquet import solve
@@ -14,21 +14,7 @@ from gearstab.response import free_response
 from gearstab.results import open_result
 from gearstab.systems import build
 
-CONFIG = """
-title: a small train
-system:
-  kind: matrices
-  mass: [[1.0, 0.0], [0.0, 2.0]]
-  stiffness: [[0.5, 0.0], [0.0, 0.0]]
-  meshes:
-    - {name: fast, direction: [1, -1], mean_stiffness: 1.5, epsilon: 0.3, contact_ratio: 1.5, frequency_ratio: 1}
-    - {name: slow, direction: [0, 1], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.25, frequency_ratio: "1/2"}
-respond:
-  mesh_frequency: 1.25
-  cycles: 5
-  initial: {velocity: [0.0, 0.2]}
-  samples_per_cycle: 10
-"""
+CONFIG = scene_text("respond_command")
 
 
 @pytest.fixture
@@ -118,29 +104,6 @@ def test_an_overflow_is_said(config: Path, tmp_path: Path) -> None:
     with open_result(out) as tree:
         assert tree["response"].attrs["status"] == "overflow"
         assert np.isfinite(tree["response"]["energy"].values).all()
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("respond:", "sweep: {epsilon: [0.1]}\nunused:", "unused"),
-        ("cycles: 5", "cycles: 1.0e+9", "respond.cycles: 1e+10 samples would make a file"),
-        ("velocity: [0.0, 0.2]", "velocity: [0.0, 0.0]", "respond.initial"),
-        ("velocity: [0.0, 0.2]", "velocity: [0.2]", "respond.initial.velocity"),
-        ("mesh_frequency: 1.25", "mesh_frequency: -1", "respond.mesh_frequency"),
-        ("cycles: 5", "cycles: 5\n  duration: 3", "respond"),
-    ],
-)
-def test_wrong_input_is_one_line_and_writes_nothing(
-    config: Path, tmp_path: Path, old: str, new: str, said: str
-) -> None:
-    config.write_text(CONFIG.replace(old, new))
-    out = tmp_path / "results" / "out.h5"
-    done = call(config, "-o", out)
-    assert done.exit_code == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.output
-    assert not out.parent.exists()
 
 
 def test_a_configuration_without_the_section(config: Path, tmp_path: Path) -> None:

@@ -6,9 +6,8 @@ import csv
 from pathlib import Path
 
 import numpy as np
-import pytest
 from click.testing import Result
-from scenes import ran
+from scenes import ran, scene_text
 
 from gearstab.config import load
 from gearstab.modal import static_equilibrium, static_mesh_force
@@ -16,19 +15,7 @@ from gearstab.response import RESPONSE_FLAGS, driven_response, harmonics, steady
 from gearstab.results import open_result
 from gearstab.systems import build
 
-SYSTEM = """
-system:
-  kind: matrices
-  mass: [[1.0, 0.0], [0.0, 2.0]]
-  stiffness: [[0.5, 0.0], [0.0, 0.0]]
-  damping_ratio: 0.05
-  load: [0.3, 1.0]
-  forces: [{direction: [1, 0], sin: [0.1], frequency_ratio: "1/2", lag: 0.25}]
-  meshes:
-    - {name: fast, direction: [1, -1], mean_stiffness: 1.5, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: slow, direction: [0, 1], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.25, frequency_ratio: "1/2",
-       transmission_error: {sin: [0.05, 0.02], cos: [0.01]}}
-"""
+SYSTEM = scene_text("respond_driven_command")
 STEADY = SYSTEM + "respond: {mesh_frequency: 1.25, steady_state: true, samples_per_cycle: 40}\n"
 HISTORY = SYSTEM + "respond: {mesh_frequency: 1.25, cycles: 6, samples_per_cycle: 20}\n"
 FREE = """kind: two_stage
@@ -134,34 +121,6 @@ def test_no_steady_state_is_an_answer_too(tmp_path: Path) -> None:
     with open_result(out) as tree:
         assert tree["response"].attrs["status"] == "failed"
         assert tree["response"].sizes["time"] == 0
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        (
-            "steady_state: true",
-            "steady_state: true, cycles: 3",
-            "respond.cycles: is not allowed together with steady_state",
-        ),
-        ("steady_state: true", "steady_state: 1", "respond.steady_state"),
-        ("steady_state: true", "duration: 3, cycles: 3", "respond.cycles: duration is given already"),
-        ("samples_per_cycle: 40", "samples_per_cycle: 1_000_000_0", "respond.samples_per_cycle"),
-        ("load: [0.3, 1.0]", "load: [0.3]", "system.load: has 1 entries; give 2, one per coordinate"),
-        ("direction: [1, 0]", "direction: [0, 0]", "system.forces.0.direction: has only zeros"),
-        ("direction: [1, 0]", "direction: [1]", "system.forces.0.direction: has 1 entries"),
-        ("sin: [0.1], ", "", "system.forces.0: has no harmonics"),
-        ("{sin: [0.05, 0.02], cos: [0.01]}", "{}", "transmission_error: has no harmonics"),
-        ("{sin: [0.05, 0.02]", "{sine: [0.05, 0.02]", "did you mean 'sin'?"),
-    ],
-)
-def test_what_does_not_fit_together_is_one_line(tmp_path: Path, old: str, new: str, said: str) -> None:
-    assert old in STEADY
-    done, out = call(tmp_path, STEADY.replace(old, new))
-    assert done.exit_code == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.output
-    assert not out.exists()
 
 
 def test_a_system_that_nothing_drives_needs_an_initial_state(tmp_path: Path) -> None:

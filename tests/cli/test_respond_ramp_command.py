@@ -5,27 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import Result
-from scenes import ran, written
+from scenes import ran, scene_text, written
 
 from gearstab.plots import default_kind, draw
 from gearstab.plots.view import Request
 from gearstab.results import open_result
 
-CONFIG = """
-title: a pair of gears runs up
-system:
-  kind: gearbox
-  damping_ratio: 0.03
-  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
-  rotors: [{name: motor, inertia: 0.01, teeth: 20}, {name: machine, inertia: 0.03, teeth: 60}]
-  meshes: [{name: mesh, gears: [motor, machine]}]
-  input: {rotor: motor, torque: 20.0}
-  outputs: [{rotor: machine}]
-respond:
-  input_speed: "6000 rpm"
-  ramp: {to: "9000 rpm", rate: "6000 rpm/s"}
-  samples_per_cycle: 12
-"""
+CONFIG = scene_text("respond_ramp_command")
 
 
 @pytest.fixture

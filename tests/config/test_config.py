@@ -16,28 +16,16 @@ import scipy.sparse
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
-from scenes import CONFIGURATIONS, read
+from scenes import CONFIGURATIONS, read, scene_text
 
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.document.yaml import parse, write
 from gearstab.modal import mean_modes
 from gearstab.systems import build
 
-PAIR = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 2
-  meshes: [{mean_stiffness: 8, epsilon: 0.3, contact_ratio: 1.5}]
-"""
+PAIR = scene_text("config_pair")
 
-FILE = """\
-system:
-  kind: matrices
-  file: model.npz
-  meshes: [{direction: [1, 1], mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}]
-sweep: {stiffness.0.1: [-1.0, -0.5]}
-methods: {perturbation: }
-"""
+FILE = scene_text("config_file")
 
 MASS, STIFFNESS, DAMPING = (
     np.diag([2.0, 1.0]),
@@ -86,45 +74,6 @@ def test_defaults(tmp_path: Path) -> None:
     assert system.allow_negative_stiffness is False
     assert system.meshes[0].name == "mesh"
     assert system.meshes[0].waveform.kind == "rectangular"
-
-
-@pytest.mark.parametrize(
-    ("written", "exact"),
-    [
-        ("1", "1"),
-        ("0.6", "3/5"),
-        ('"3/5"', "3/5"),
-        ("3/5", "3/5"),
-        ("2.5", "5/2"),
-        ('"17 / 7"', "17/7"),
-        ("0.125", "1/8"),
-    ],
-)
-def test_ratios_are_exact(tmp_path: Path, root: Path, written: str, exact: str) -> None:
-    text = (root / "configs" / "lin_parker_2002" / "fig3.yaml").read_text()
-    config = read(tmp_path, text.replace("tooth_ratio: 1 ", f"tooth_ratio: {written} "))
-    assert config.system["tooth_ratio"] == Fraction(exact)
-    assert build(config.system).meshes[1].frequency_ratio == 1 / Fraction(exact)
-
-
-@pytest.mark.parametrize(
-    ("field", "text", "value"),
-    [
-        ("equivalent_mass", "250 g", 0.25),
-        ("mean_stiffness", "20 N/um", 2e7),
-        ("mean_stiffness", "1e8 N/m", 1e8),
-        ("mean_stiffness", "1.5 kN/mm", 1.5e6),
-        ("damping", "3 N s/mm", 3e3),
-    ],
-)
-def test_units(tmp_path: Path, field: str, text: str, value: float) -> None:
-    if field == "equivalent_mass":
-        config = read(tmp_path, PAIR.replace("mass: 2", f'mass: "{text}"'))
-        assert config.system[field] == pytest.approx(value, rel=1e-15)
-    else:
-        config = read(tmp_path, PAIR.replace("mean_stiffness: 8", f'mean_stiffness: 8, {field}: "{text}"').replace(
-            "mean_stiffness: 8, mean_stiffness", "mean_stiffness"))  # fmt: skip
-        assert config.system["meshes"][0][field] == pytest.approx(value, rel=1e-15)
 
 
 def test_a_rotation_has_units_of_its_own(tmp_path: Path) -> None:
@@ -244,26 +193,6 @@ def test_file_that_is_no_archive(tmp_path: Path) -> None:
             read(tmp_path, FILE.replace("model.npz", name))
 
 
-OVERRIDES = {
-    "from the top": ("system.meshes.0.epsilon=0.2", ("meshes", 0, "epsilon"), 0.2),
-    "below system": ("equivalent_mass=3", ("equivalent_mass",), 3),
-    "by name": ("meshes.mesh.epsilon=0.1", ("meshes", 0, "epsilon"), 0.1),
-    "short name": ("contact_ratio=1.7", ("meshes", 0, "contact_ratio"), 1.7),
-    "unit": ("equivalent_mass=20 g", ("equivalent_mass",), 0.02),
-    "new key": ("damping_ratio=1e-2", ("damping_ratio",), 0.01),
-    "new section": ("damping.rayleigh=[0, 1]", ("damping", "rayleigh", 1), 1),
-    "list": ("meshes.0.waveform={kind: rectangular}", ("meshes", 0, "waveform", "kind"), "rectangular"),
-}
-
-
-@pytest.mark.parametrize(("override", "path", "value"), OVERRIDES.values(), ids=OVERRIDES)
-def test_override(tmp_path: Path, override: str, path: tuple[Any, ...], value: Any) -> None:
-    found: Any = read(tmp_path, PAIR.replace("[{mean", "[{name: mesh, mean"), override).system
-    for part in path:
-        found = found[part]
-    assert found == value
-
-
 def test_overrides_of_axes(tmp_path: Path) -> None:
     text = (
         PAIR
@@ -305,13 +234,7 @@ def test_resolved_configuration_with_a_file(tmp_path: Path) -> None:
     assert load(tmp_path / "case.yaml").digest != config.digest
 
 
-SWEEP = (
-    PAIR
-    + """\
-sweep: {mesh_frequency: [1, 2], equivalent_mass: [1, 2], epsilon: {start: 0, stop: 0.5, num: 3}}
-methods: {floquet: {}}
-"""
-)
+SWEEP = scene_text("config_sweep")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Axes: every form of values, what names stand for, and the parameters at points of the grid."""
 
+import tomllib
 from fractions import Fraction
 from itertools import product
 from pathlib import Path
@@ -9,33 +10,14 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from scenes import plain, read
+from scenes import DATA, plain, read, scene_text
 
 from gearstab.config import Axis, Config
 from gearstab.systems import build
 
-TRAIN = """\
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: 1
-  meshes:
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {mean_stiffness: 1.2, epsilon: 0.2, contact_ratio: 1.6, phasing: 0.1}
-methods: {perturbation: }
-"""
+TRAIN = scene_text("config_axes_train")
 
-MATRICES = """\
-system:
-  kind: matrices
-  mass: [[2, 0.1, 0], [0.1, 1, 0], [0, 0, 3]]
-  stiffness: [[3, -1, 0], [-1, 2, -1], [0, -1, 1]]
-  meshes:
-    - {direction: [1, 1, 0], mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}
-    - {direction: [0, 1, -1], mean_stiffness: 2, epsilon: 0.2, contact_ratio: 2.3, lag: 0.25, frequency_ratio: "1/2"}
-methods: {perturbation: }
-"""
+MATRICES = scene_text("config_axes_matrices")
 
 shared = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
 
@@ -114,42 +96,20 @@ def test_large_range_costs_no_python_loop(tmp_path: Path) -> None:
     assert found.values[1] - found.values[0] == pytest.approx(1 / 2_999_999)
 
 
-@pytest.mark.parametrize(
-    ("name", "expected", "units", "title"),
-    [
-        ("mesh_frequency", {("mesh_frequency",)}, "rad/s", "mesh frequency"),
-        ("epsilon", {("meshes", 0, "epsilon"), ("meshes", 1, "epsilon")}, "1", "relative mesh stiffness variation"),
-        ("contact_ratio", {("meshes", 0, "contact_ratio"), ("meshes", 1, "contact_ratio")}, "1", "contact ratio"),
-        ("phasing", {("meshes", 1, "phasing")}, "1", "mesh phasing"),
-        ("meshes.second.contact_ratio", {("meshes", 1, "contact_ratio")}, "1", "contact ratio of second"),
-        ("meshes.0.contact_ratio", {("meshes", 0, "contact_ratio")}, "1", "contact ratio of first"),
-        ("inertias.1", {("inertias", 1)}, "kg", "equivalent mass[1]"),
-        ("input_shaft_stiffness", {("input_shaft_stiffness",)}, "N/m", "input shaft stiffness"),
-        ("meshes.first.damping", {("meshes", 0, "damping")}, "N s/m", "mesh damping of first"),
-        ("damping_ratio", {("damping_ratio",)}, "1", "modal damping ratio"),
-    ],
-)
-def test_what_a_name_stands_for(
-    tmp_path: Path, name: str, expected: set[tuple[str | int, ...]], units: str, title: str
-) -> None:
-    base = TRAIN.replace("  meshes:", "  allow_negative_stiffness: true\n  meshes:")
-    found = axis(tmp_path, f"{name}: [1.0, 1.1]", base)
-    assert paths(found) == expected
-    assert (found.name, found.units, found.long_name) == (name, units, title)
+AXES = [
+    pytest.param(scene["scene"], row, id=row["line"])
+    for scene in tomllib.loads((DATA / "config" / "axes.toml").read_text())["scene"]
+    for row in scene["axes"]
+]
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("lag", {("meshes", 1, "lag")}),
-        ("mass.0.1", {("mass", 0, 1), ("mass", 1, 0)}),
-        ("stiffness.1.1", {("stiffness", 1, 1)}),
-        ("stiffness.2.0", {("stiffness", 2, 0), ("stiffness", 0, 2)}),
-        ("meshes.mesh1.direction.2", {("meshes", 0, "direction", 2)}),
-    ],
-)
-def test_what_a_name_of_matrices_stands_for(tmp_path: Path, name: str, expected: set[Any]) -> None:
-    assert paths(axis(tmp_path, f"{name}: [0.0, 0.1]", MATRICES)) == expected
+@pytest.mark.parametrize(("scene", "row"), AXES)
+def test_what_an_axis_stands_for(tmp_path: Path, scene: str, row: dict[str, Any]) -> None:
+    base = scene_text(scene).replace("  meshes:", "  allow_negative_stiffness: true\n  meshes:")
+    found = axis(tmp_path, row["line"], base)
+    places = [".".join(map(str, path)) for path in paths(found)]
+    told = {"paths": sorted(places), "units": found.units, "words": found.long_name, "typed": found.typed_units}
+    assert {name: told[name] for name in row.keys() & told.keys()} == {n: v for n, v in row.items() if n != "line"}
 
 
 def test_damping_along_axes(tmp_path: Path) -> None:
@@ -267,23 +227,6 @@ def test_units_along_axes(tmp_path: Path) -> None:
     assert axis(tmp_path, 'input_shaft_stiffness: ["1 N/mm", 5]').values.tolist() == [1000.0, 5.0]
     stepped = axis(tmp_path, 'inertias.0: {start: "1 kg", stop: 2, step: "250 g"}')
     assert stepped.values.tolist() == [1, 1.25, 1.5, 1.75, 2]
-
-
-@pytest.mark.parametrize(
-    ("line", "units"),
-    [
-        ('mesh_frequency: ["60 rpm", "90rpm"]', "rpm"),
-        ('mesh_frequency: {start: "60 rpm", stop: "90 rpm", num: 3}', "rpm"),
-        ('mesh_frequency: {start: "60 rpm", stop: "2 Hz", num: 3}', ""),
-        ('mesh_frequency: ["60 rpm", 90]', ""),
-        ("mesh_frequency: [60, 90]", ""),
-        ('both: {targets: [inertias.0, inertias.1], values: ["1 g", "2 g"]}', "g"),
-        ('both: {targets: [inertias.0, inertias.1], values: [["1 g", "2 g"], ["1 kg", "2 kg"]]}', ""),
-        ('case: [{label: slow, mesh_frequency: "60 rpm"}, {label: fast, mesh_frequency: "90 rpm"}]', ""),
-    ],
-)
-def test_an_axis_knows_the_unit_that_was_typed(tmp_path: Path, line: str, units: str) -> None:
-    assert axis(tmp_path, line).typed_units == units
 
 
 def test_parameters_of_cases_know_the_unit_that_was_typed(tmp_path: Path) -> None:

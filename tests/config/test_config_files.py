@@ -8,22 +8,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from scenes import scene_text
 from scipy.io import savemat
 
 from gearstab.config import ConfigError, load
 
-MODEL = """\
-system:
-  kind: matrices
-  file: NAME
-  meshes: [{direction: [1, 1], mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}]
-"""
-SAMPLES = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  meshes: [{mean_stiffness: 1.0, epsilon: 0.3, waveform: {kind: sampled, file: NAME}}]
-"""
+MODEL = scene_text("config_files_model")
+SAMPLES = scene_text("config_files_samples")
 OF_MODEL = {"mass": np.eye(2), "stiffness": np.diag([1.0, 0.0])}
 OF_SAMPLES = {"phase": np.array([0.0, 0.3, 0.6]), "stiffness": np.array([1.0, 2.0, 3.0])}
 FILES = [(MODEL, "model.npz"), (MODEL, "model.h5"), (MODEL, "model.mat"), (SAMPLES, "k.h5"), (SAMPLES, "k.csv")]

@@ -4,20 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import scene_text
 
 from gearstab.config import Config, ConfigError, load
 from gearstab.systems import build
 
-PAIR = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 1
-  meshes:
-    - {name: a, MESH}
-sweep:
-  mesh_frequency: [1.0, 2.0]
-methods: {floquet: {}}
-"""
+PAIR = scene_text("config_samples")
 CONSTANT = "waveform: {kind: sampled, phase: [0, 0.5], stiffness: [3, 3]}"
 FROM_FILE = "waveform: {kind: sampled, file: k.csv}"
 
@@ -26,25 +18,6 @@ def loaded(folder: Path, mesh: str, *overrides: str, text: str = PAIR) -> Config
     (folder / "k.csv").write_text("0, 2\n0.25, 2\n")
     (folder / "case.yaml").write_text(text.replace("MESH", mesh))
     return load(folder / "case.yaml", overrides)
-
-
-def said(folder: Path, mesh: str, *overrides: str) -> str:
-    with pytest.raises(ConfigError) as caught:
-        loaded(folder, mesh, *overrides)
-    return str(caught.value).replace(f"{folder}/", "")
-
-
-@pytest.mark.parametrize("wave", [CONSTANT, FROM_FILE])
-@pytest.mark.parametrize("key", ["epsilon", "amplitude"])
-def test_nothing_makes_constant_samples_vary(tmp_path: Path, wave: str, key: str) -> None:
-    assert said(tmp_path, f"{key}: 0.3, {wave}") == (
-        f"case.yaml:5: system.meshes.0.{key}: the samples of the stiffness are constant, and no {key} makes them vary "
-        "(got 0.3); leave it out, or check the samples"
-    )
-    assert said(tmp_path, f"{key}: 0, {wave}", f"sweep.{key}=[0, 0.1]") == (
-        f"--set sweep.{key}: sweep.{key}: the samples of the stiffness are constant, and no {key} makes them vary; "
-        "remove the axis, or check the samples"
-    )
 
 
 @pytest.mark.parametrize("wave", [CONSTANT, FROM_FILE])
@@ -85,41 +58,8 @@ def test_samples_are_a_shape_where_mean_and_variation_are_given(tmp_path: Path) 
     assert (first.mean_stiffness, first.amplitude) == (second.mean_stiffness, second.amplitude) == (2.0, 0.6)
 
 
-def test_negative_samples_are_no_stiffness_by_themselves(tmp_path: Path) -> None:
-    wave = "waveform: {kind: sampled, phase: [0, 0.3], stiffness: [-1, 4]}"
-    assert said(tmp_path, wave) == (
-        "case.yaml:5: system.meshes.0.waveform: mesh 'a' has the softer level -1 <= 0, which its samples give; check "
-        "the samples, or set system.allow_negative_stiffness: true"
-    )
-
-
 @pytest.mark.parametrize(("given", "newtons"), [("5", 5.0), ("[5]", 5.0), ('"2 kN"', 2000.0), ("-0.5", -0.5)])
 def test_the_load_of_a_gear_pair_is_a_number(tmp_path: Path, given: str, newtons: float) -> None:
     config = loaded(tmp_path, "mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5", f"load={given}")
     assert config.system["load"] == [newtons]
     np.testing.assert_array_equal(build(config.system).load, [newtons])
-
-
-def test_a_load_of_a_gear_pair_that_is_none(tmp_path: Path) -> None:
-    mesh = "mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5"
-    text = 'system.load.0: must be a number (got "heavy"); write a number such as 0.5, or one with a unit such as'
-    assert text in said(tmp_path, mesh, "load=heavy")
-    assert "system.load: has 2 entries (got" not in said(tmp_path, mesh, "load=[1, 2]")
-    loaded(tmp_path, mesh, "load=1", "sweep.load.0=[1, 2]")
-
-
-def test_the_kind_of_a_waveform_is_no_axis(tmp_path: Path) -> None:
-    mesh = "mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5"
-    assert said(tmp_path, mesh, "sweep.meshes.a.waveform.kind=[rectangular, pair]") == (
-        "--set sweep.meshes.a.waveform.kind: sweep.meshes.a.waveform.kind: is a word, and an axis sets a number; "
-        "run a sweep for each, with --set system.meshes.0.waveform.kind=.."
-    )
-
-
-def test_a_word_where_a_number_belongs(tmp_path: Path) -> None:
-    mesh = "mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5, waveform: {kind: trapezoidal, ramp: wide}"
-    assert said(tmp_path, mesh) == (
-        'case.yaml:5: system.meshes.0.waveform.ramp: must be a number (got "wide"); write a number such as 0.5'
-    )
-    mesh = mesh.replace("wide", "'0.1'")
-    assert said(tmp_path, mesh).endswith('must be a number, not a text (got "0.1"); write it without quotes')

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tomllib
+from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,56 +12,15 @@ import h5py
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import CONFIGS, ran, read
+from scenes import CONFIGS, DATA, ran, read, scene_text
 
 from gearstab.config import ConfigError
 from gearstab.config.model.units import KNOWN, UnitError, hint_of, scale, to_si
 from gearstab.results.display import unit_of
 from gearstab.systems import build
 
-PAIR = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 0.5
-  damping_ratio: 0.02
-  load: 100
-  meshes: [{mean_stiffness: 2.0e+8, epsilon: 0.3, contact_ratio: 1.5}]
-"""
-TRAIN = """\
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5e8
-  load: [0, 0, 10]
-  meshes:
-    - {mean_stiffness: 1.0e+8, epsilon: 0.3, contact_ratio: 1.5}
-    - {mean_stiffness: 1.0e+8, epsilon: 0.3, contact_ratio: 1.5, phasing: 0.1}
-"""
-MIXED = """\
-system:
-  kind: matrices
-  mass: [[2.0, 0.0], [0.0, 0.01]]
-  stiffness: [[1.0e+6, 0.0], [0.0, 0.0]]
-  coordinate_units: [m, rad]
-  meshes: [{direction: [1.0, 0.05], mean_stiffness: 1.0e+8, epsilon: 0.3, contact_ratio: 1.5, lag: 0.2}]
-  load: [1.0, 2.0]
-respond: {mesh_frequency: 1000, cycles: 2, initial: {displacement: [1.0e-6, 0], velocity: [0, 0]}}
-"""
-PLANETARY = """\
-system:
-  kind: planetary
-  planets: 3
-  ring: {kind: rigid}
-  masses: {ring: 2.35, carrier: 5.43, sun: 0.4, planet: 0.66}
-  inertias: {ring: 3.0, carrier: 6.29, sun: 0.39, planet: 0.61}
-  supports: {carrier: 1.0e+8, sun: 1.0e+8, ring: 1.0e+8, planet: 1.0e+8, ring_rotation: 1.0e+9}
-  pressure_angles: {sun: 24.6 deg, ring: 24.6 deg}
-  meshes:
-    sun: {mean_stiffness: 5.0e+8, epsilon: 0.1, contact_ratio: 1.5}
-    ring: {mean_stiffness: 5.0e+8, epsilon: 0.1, contact_ratio: 1.5}
-  phases: {sun: [0, 0.25, 0.5], sun_ring: 0.5}
-  load: {sun: 100}
-"""
+MIXED = scene_text("config_units_mixed")
+PLANETARY = scene_text("config_units_planetary")
 
 
 def first_problem(folder: Path, text: str, *overrides: str):
@@ -69,35 +30,21 @@ def first_problem(folder: Path, text: str, *overrides: str):
     return caught.value.problems[0]
 
 
-NUMBERS = [
-    (PAIR, "damping_ratio=5%", ("damping_ratio",), 0.05),
-    (PAIR, "damping_ratio=0.5 percent", ("damping_ratio",), 0.005),
-    (PAIR, "epsilon=30 %", ("meshes", 0, "epsilon"), 0.3),
-    (PAIR, "load=2 kN", ("load", 0), 2000.0),
-    (TRAIN, "phasing=90 deg", ("meshes", 1, "phasing"), 0.25),
-    (TRAIN, "phasing=25 %", ("meshes", 1, "phasing"), 0.25),
-    (TRAIN, "phasing=0.5 turn", ("meshes", 1, "phasing"), 0.5),
-    (TRAIN, "phasing=-180 deg", ("meshes", 1, "phasing"), -0.5),
-    (MIXED, "lag=90 deg", None, None),  # of every mesh but the first: there is none
-    (MIXED, "meshes.0.lag=36 deg", ("meshes", 0, "lag"), 0.1),
-    (MIXED, "meshes.0.direction.1=50 mm", ("meshes", 0, "direction", 1), 0.05),
-    (MIXED, "load.1=2 N m", ("load", 1), 2.0),
-    (MIXED, "mass.1.1=200 kg cm^2", ("mass", 1, 1), 0.02),
-    (PLANETARY, "phases.sun_ring=180 deg", ("phases", "sun_ring"), 0.5),
-    (PLANETARY, "phases.sun.1=90 deg", ("phases", "sun", 1), 0.25),
+READINGS = [
+    pytest.param(scene["scene"], row, id=row["set"])
+    for scene in tomllib.loads((DATA / "config" / "readings.toml").read_text())["scene"]
+    for row in scene["readings"]
 ]
 
 
-@pytest.mark.parametrize(("text", "override", "path", "value"), NUMBERS, ids=[n[1] for n in NUMBERS])
-def test_a_text_with_a_unit_is_a_number(tmp_path, text, override, path, value):
-    if path is None:
-        with pytest.raises(ConfigError):
-            read(tmp_path, text, override)
-        return
-    found = read(tmp_path, text, override).system
-    for key in path:
-        found = found[key]
-    assert found == pytest.approx(value, rel=1e-14)
+@pytest.mark.parametrize(("scene", "row"), READINGS)
+def test_what_is_written_is_read_as_this(tmp_path, scene, row):
+    """Texts with units, exact ratios, and values put in by every form of a path."""
+    found = read(tmp_path, scene_text(scene), row["set"]).system
+    for key in row["path"].split("."):
+        found = found[int(key) if key.isdigit() else key]
+    expected = Fraction(row["value"]) if isinstance(found, Fraction) else row["value"]
+    assert found == (pytest.approx(expected, rel=1e-14) if isinstance(found, float) else expected)
 
 
 def test_units_of_axes_are_those_of_their_very_number(tmp_path):
@@ -150,29 +97,7 @@ respond: {mesh_frequency: 500, cycles: 3, initial: {displacement: [0, 0], veloci
 
 # ---- models without units
 
-NONE = """\
-system:
-  kind: two_stage
-  units: none
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  damping_ratio: 0.02
-  load: [0, 0, 1]
-  meshes:
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, phasing: 90 deg}
-sweep:
-  mesh_frequency: [1.0, 1.5, 2.0]
-  input_shaft_stiffness: [0.5, 0.6]
-  case: [{label: a, load.0: 0}, {label: b, load.0: 1, inertias.1: 0.4}]
-methods:
-  floquet: {exponents: true}
-  perturbation: {order: 2}
-  boundaries: {}
-  required_damping: {}
-  response: {}
-respond: {mesh_frequency: 1.0, cycles: 3}
-"""
+NONE = scene_text("config_units_none")
 
 
 def units_in(path: Path) -> dict[str, str]:

@@ -160,44 +160,6 @@ def test_the_short_name_contact_ratio_means_meshes_that_have_one(tmp_path) -> No
         load(path, [*remaining, "contact_ratio=1.3"])
 
 
-LOW = {
-    "series": (
-        "mean_stiffness: 1, epsilon: 0.8, waveform: {kind: fourier, cos: [1.0, 0.5]}",
-        "softer level -0.2 <= 0 at epsilon 0.8: the largest admissible epsilon is below 0.666667 = 1/(-2 w)",
-    ),
-    "trapezoid": (
-        # d = 0.9, and the ramps reach 1 - (1 - d)/0.5 = 0.8 of the way down.
-        "mean_stiffness: 1, epsilon: 6.0, contact_ratio: 1.9, waveform: {kind: trapezoidal, ramp: 0.5}",
-        "at epsilon 6 and contact ratio 1.9: the largest admissible epsilon is below 5 = 1/(-2 w), -w = 0.1",
-    ),
-    "samples": (
-        "waveform: {kind: sampled, phase: [0, 0.3, 0.5], stiffness: [1, 3, -0.5]}",
-        "softer level -0.5 <= 0, which its samples give; check the samples",
-    ),
-    "spline": (
-        # The samples are positive; the spline undershoots.
-        "waveform: {kind: sampled, interpolation: cubic, phase: [0, 0.2, 0.4, 0.45, 0.6, 0.8], "
-        "stiffness: [1, 0.1, 0.1, 3, 3, 3]}",
-        "which its samples give; check the samples",
-    ),
-    "amplitude": (
-        "max_stiffness: 1, amplitude: 0.4, waveform: {kind: fourier, cos: [1.0, 0.5]}",
-        "below 0.222222 = max_stiffness/(2 2.25), the peak-to-peak of the wave",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", LOW)
-def test_the_lowest_stiffness_is_that_of_the_wave(name, tmp_path) -> None:
-    mesh, expected = LOW[name]
-    (found,) = errors(tmp_path, mesh)
-    assert expected in str(found)
-    path = written(tmp_path, mesh)
-    allowed = [] if "amplitude" in mesh else ["system.allow_negative_stiffness=true"]
-    if allowed:
-        load(path, allowed)
-
-
 def test_mesh_damping_that_follows_the_stiffness(tmp_path) -> None:
     text = f"{LEVELS}, contact_ratio: 1.4, waveform: {{kind: trapezoidal, ramp: 0.2}}, damping: 0.3"
     system = build(load(written(tmp_path, f"{text}, damping_follows_stiffness: true")).system)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from scenes import CONFIGURATIONS
+from scenes import CONFIGURATIONS, scene_text
 
 from gearstab.cli.configurations import schema as command
 from gearstab.config import load
@@ -116,22 +116,7 @@ def test_the_load_of_one_coordinate_may_be_a_number(force: str, fits: int) -> No
     assert (list(errors(parse(text, "x").data, SCHEMA)) == []) == bool(fits)
 
 
-FORMS = """\
-system:
-  kind: matrices
-  mass: [["2 kg m^2", 0], [0, 1]]
-  stiffness: [[1, 0], [0, 1]]
-  damping: [[0, 1], [-1, 0]]
-  meshes: [{direction: [1, 1], mean_stiffness: 2 N m, frequency_ratio: 1/2}]
-sweep:
-  mesh_frequency: {start: "10 rpm", stop: 5, num: 3, spacing: log}
-  contact_ratio: 1.5
-  epsilon: [0.1, 0.2]
-  mass.0.0: {start: 1, stop: 2, step: 0.5}
-  both: {targets: [lag, damping.0.0], values: [0, 1]}
-  case: [{label: a, phasing: 1}, {label: 2, phasing: 0}]
-methods: {floquet: , boundaries: {}}
-"""
+FORMS = scene_text("schema_forms")
 
 
 def test_every_form_fits() -> None:

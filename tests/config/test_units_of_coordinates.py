@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import ran
+from scenes import ran, scene_text
 
 from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
@@ -19,22 +19,7 @@ from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 
-GEARBOX = """
-system:
-  kind: gearbox
-  gears: {module: 0.003, pressure_angle: 20 deg, face_width: 0.02}
-  rotors:
-    - {name: in, inertia: 0.01}
-    - {name: pinion, teeth: 20, support: SUPPORT}
-    - {name: wheel, teeth: 40}
-  shafts:
-    - {name: shaft, between: [in, pinion], stiffness: 1.0e+5, damping_ratio: 0.05}
-  meshes:
-    - {name: one, gears: [pinion, wheel], mean_stiffness: 2.0e+8, epsilon: 0.2, contact_ratio: 1.5, damping_ratio: 0.05}
-  input: {rotor: in, torque: 50}
-  outputs: [{rotor: wheel}]
-respond: {mesh_frequency: 3000, steady_state: true, samples_per_cycle: 40}
-"""
+GEARBOX = scene_text("units_of_coordinates_gearbox")
 SUPPORT = "{stiffness: 1.0e+8, damping_ratio: 0.05}"
 
 PAIR = {

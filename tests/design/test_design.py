@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import TRAIN, ran, read, written
+from scenes import TRAIN, ran, read, scene_text, written
 
 from gearstab.config import Config
 from gearstab.design.judge import Judge
@@ -31,14 +31,7 @@ from gearstab.systems import build, section
 RANGE = (4.8, 6.0)
 FLOOR = 1e-6 * RANGE[1]
 """Regions narrower than this count as none."""
-TWO = """\
-design:
-  range: {mesh_frequency: [4.8, 6.0]}
-  variables:
-    meshes.first.contact_ratio: [1.2, 1.7]
-    meshes.second.phasing: [0.1, 0.9]
-  minimise: instability_width
-"""
+TWO = scene_text("design_two")
 
 
 def width(c1: np.ndarray, h: np.ndarray) -> np.ndarray:
@@ -324,18 +317,7 @@ def test_planets_that_can_be_assembled(sun: int, planet: int, ring: int, count: 
     assert section({"kind": "planetary", "planets": count, "teeth": teeth}).assembled() == fits
 
 
-WHIRLING = """\
-system:
-  kind: matrices
-  mass: [[1, 0], [0, 1]]
-  stiffness: [[1, 0], [0, 1.5]]
-  rotation: {speed_ratio: "1/3", gyroscopic: [[0, -0.5], [0.5, 0]]}
-  meshes: [{name: mesh, direction: [1, 0.7], mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.4}]
-design:
-  range: {mesh_frequency: [2.0, 4.5]}
-  variables: {meshes.mesh.contact_ratio: {values: [1.15, 1.3, 1.5]}}
-  minimise: instability_width
-"""
+WHIRLING = scene_text("design_whirling")
 
 
 def test_a_system_that_whirls_is_judged_at_its_speeds(tmp_path: Path) -> None:

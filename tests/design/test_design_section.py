@@ -4,26 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import TRAIN, ran, read, written
+from scenes import TRAIN, ran, read, scene_text, written
 
 from gearstab.config import ConfigError
 from gearstab.design import check
 
-SECTION = """\
-design:
-  range: {mesh_frequency: [2.0, 6.0]}
-  variables: {meshes.first.contact_ratio: [1.1, 1.9], tooth_ratio: {values: [1, "1/2"]}}
-  minimise: instability_width
-"""
-STAGE = """\
-system:
-  kind: gearbox
-  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
-  rotors: [{name: a, teeth: 20}, {name: b, teeth: 40}]
-  meshes: [{name: m, gears: [a, b]}]
-  input: {rotor: a, torque: 20.0}
-  outputs: [{rotor: b}]
-"""
+SECTION = scene_text("design_section_section")
+STAGE = scene_text("design_section_stage")
 
 
 def test_forms_of_variables(tmp_path: Path) -> None:

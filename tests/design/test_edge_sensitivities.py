@@ -7,23 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import TRAIN, read
+from scenes import TRAIN, read, scene_text
 from scipy.linalg import expm
 
 from gearstab.design.problem import DesignProblem
 from gearstab.design.tongues import DesignTongues, tongues
 
-VARIABLES = """\
-  variables:
-    meshes.first.contact_ratio: [1.2, 1.7]
-    meshes.second.contact_ratio: [1.2, 1.7]
-    meshes.second.phasing: [0.0, 1.0]
-    epsilon: [0.0, 0.5]
-    input_shaft_stiffness: [0.3, 0.8]
-    inertias.1: [0.2, 0.5]
-    inertias.2: [2.0, 6.0]
-  minimise: instability_width
-"""
+VARIABLES = scene_text("edge_sensitivities_variables")
 DAMPING = "    damping_ratio: [0.0, 0.01]\n"
 AT = np.array([1.4, 1.55, 0.3, 0.3, 0.5, 0.3, 4.0])
 """c1, c2, h, epsilon, k_s, J_2, J_3; J_1 = 1 and both meshes of stiffness 1."""

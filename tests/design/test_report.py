@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from scenes import CONFIGS, TRAIN, ran, written
+from scenes import CONFIGS, TRAIN, ran, scene_text, written
 
 from gearstab.cli.report import contact, facts
 from gearstab.cli.report.content import page
@@ -28,28 +28,9 @@ from gearstab.perturbation import Tongue
 from gearstab.plots.drawing.style import style
 from gearstab.systems import build
 
-SWEEP = """\
-sweep:
-  mesh_frequency: {start: 4.0, stop: 7.0, num: 11}
-methods:
-  floquet: {}
-"""
-DESIGN = """\
-design:
-  range: {mesh_frequency: [4.8, 6.0]}
-  variables: {meshes.second.phasing: {values: [0.0, 0.25, 0.5]}}
-  minimise: instability_width
-"""
-PAIR = """\
-system:
-  kind: gearbox
-  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
-  rotors: [{name: motor, inertia: 0.01}, {name: pinion, teeth: 20}, {name: wheel, teeth: 60}]
-  shafts: [{name: input, between: [motor, pinion], stiffness: 1.0e4}]
-  meshes: [{name: first, gears: [pinion, wheel]}]
-  input: {rotor: motor, torque: 20.0}
-  outputs: [{rotor: wheel}]
-"""
+SWEEP = scene_text("report_sweep")
+DESIGN = scene_text("report_design")
+PAIR = scene_text("report_pair")
 LOAD = "  load: [1.0, 0.0, 0.5]\n"
 
 

@@ -80,6 +80,7 @@ EXEMPT = {
     "gearstab": "the rooms, whose order is the table of floors",
     "tests": "a folder for each room",
     "tests/cases": "configurations of users, each a file, and their tests",
+    "tests/data/scenes": "configurations that tests begin from, each a file named by the test",
     "tests/data/figures": "a file or folder for each of configs/",
 }
 """Folders that may hold more, and why."""

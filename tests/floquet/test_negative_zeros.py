@@ -3,30 +3,10 @@
 import h5py
 import numpy as np
 import pytest
-from scenes import TRAIN, ran
+from scenes import ran, scene_text
 
-SWEEP = (
-    TRAIN
-    + """\
-sweep:
-  epsilon: [0.0, 0.3]
-  mesh_frequency: {start: 0.35, stop: 7.0, num: 40}
-methods:
-  floquet: {exponents: true}
-  perturbation: {order: 2}
-  boundaries: {}
-  uncoupled: {}
-"""
-)
-APART = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  damping_ratio: 0.05
-  load: 0.5
-  meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, backlash: 2.0}]
-respond: {mesh_frequency: 2.0, cycles: 20, initial: {displacement: [1.6]}}
-"""
+SWEEP = scene_text("negative_zeros_sweep")
+APART = scene_text("negative_zeros_apart")
 
 
 @pytest.mark.parametrize(

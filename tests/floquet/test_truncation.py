@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from planetary_gears import cyclic
-from scenes import ran, written
+from scenes import ran, scene_text, written
 from systems import star, train
 
 from gearstab.floquet import solve
@@ -16,21 +16,7 @@ from gearstab.system import Cyclic, GearSystem
 
 OMEGA = np.linspace(0.7, 5.2, 31)
 
-STAR = """
-title: A hub and three satellites
-system:
-  kind: matrices
-  mass: [[1.7, 0, 0, 0], [0, 0.6, 0, 0], [0, 0, 0.6, 0], [0, 0, 0, 0.6]]
-  stiffness: [[0.4, 0, 0, 0], [0, 0.2, 0, 0], [0, 0, 0.2, 0], [0, 0, 0, 0.2]]
-  meshes:
-    - {name: a, direction: [1, -1, 0, 0], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
-    - {name: b, direction: [1, 0, -1, 0], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
-    - {name: c, direction: [1, 0, 0, -1], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
-sweep:
-  mesh_frequency: {start: 0.7, stop: 5.2, num: 31}
-methods:
-  floquet: {}
-"""
+STAR = scene_text("truncation_star")
 
 
 @pytest.fixture
@@ -138,26 +124,6 @@ def test_map_of_chosen_modes(config, tmp_path):
     alone = GearSystem(np.array([[0.6]]), np.array([[0.2]]), (system.meshes[0].__class__(
         "m", np.array([1.0]), 1.0, 0.2, system.meshes[0].waveform),))  # fmt: skip
     assert np.abs(growth - solve(alone, OMEGA).growth_rate[0]).max() < 1e-9
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ("{modes: [1, 9]}", "no mode 9"),
-        ("{modes: [1, 1]}", "names a mode twice"),
-        ("{modes: [2]}", "modes 2, 3 have equal frequencies"),
-        ("{modes: []}", "give at least 1"),
-        ("{modes: [0]}", "must be >= 1"),
-        ("{block: 1}", "no cyclic symmetry"),
-        ("{block: true}", "must be a type of mesh deflection"),
-        ("{block: -1}", "must be a type of mesh deflection"),
-        ("{block: 1, modes: [1]}", "cannot be combined with block"),
-    ],
-)
-def test_wrong_choices_are_named(config, tmp_path, options, message):
-    done = ran("sweep", config, "-o", tmp_path / "x.h5", "--set", f"methods.floquet={options}")
-    assert done.exit_code == 2
-    assert message in done.output
 
 
 def test_info_shows_the_reduction(config):

@@ -33,27 +33,6 @@ def test_it_scales_measured_samples(given: float, mean: float) -> None:
     np.testing.assert_allclose(mesh.epsilon, 0.5, rtol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("mesh", "message"),
-    [
-        ({"mean_stiffness": 4e8}, "mean_stiffness"),
-        ({"waveform": {"kind": "tooth"}}, "the teeth give it"),
-        ({"stiffness_per_width": "20 N/um"}, "give a stiffness per width in N/m^2, or another unit of it"),
-    ],
-)
-def test_what_it_does_not_go_with(mesh: dict[str, Any], message: str) -> None:
-    with pytest.raises(ConfigError, match="stiffness_per_width") as caught:
-        gs.load(pair(**{"stiffness_per_width": 2e10} | mesh))
-    assert message in str(caught.value)
-
-
-def test_it_needs_a_face_width() -> None:
-    data = pair(stiffness_per_width=2e10)
-    del data["rotors"][1]["face_width"]
-    with pytest.raises(ConfigError, match="face_width"):
-        gs.load(data)
-
-
 def test_a_plain_number_of_other_units_is_doubted() -> None:
     with pytest.warns(gs.errors.DoubtWarning, match=r'was "20 N/\(mm um\)" meant\?'):
         gs.load(pair(stiffness_per_width=20))

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from scenes import scene_text
 
 from gearstab import ckernel
 from gearstab.cli import main
@@ -79,19 +80,7 @@ def test_threads_follow_the_environment_and_the_choice(monkeypatch: pytest.Monke
     assert ckernel.threads() == 3
 
 
-TRAIN = """\
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  damping_ratio: 0.01
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-sweep:
-  mesh_frequency: {start: 2.0, stop: 6.0, num: 7}
-  epsilon: [0.1, 0.2, 0.3]
-"""
+TRAIN = scene_text("kernel_choice")
 
 
 @pytest.mark.parametrize("command", ["sweep", "sweep --dry-run", "info", "bench --no-plot", "respond"])

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import problems, read
+from scenes import read
 
 from gearstab.config.schema import schema
 from gearstab.systems import build
@@ -47,20 +47,6 @@ def test_matrices_from_a_file_tell_the_size(tmp_path: Path) -> None:
     mesh = "{direction: {q40: 1, q7: 0.1}, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}"
     config = read(tmp_path, f"system: {{kind: matrices, file: model.npz, meshes: [{mesh}]}}")
     assert np.flatnonzero(build(config.system).meshes[0].direction).tolist() == [6, 39]
-
-
-@pytest.mark.parametrize(
-    ("direction", "path", "hint"),
-    [
-        ("{q1: 1, q4: 1}", "system.meshes.0.direction.q4", "available: q1, q2, q3"),
-        ("{}", "system.meshes.0.direction", "move at least one"),
-        ("{q2: soft}", "system.meshes.0.direction.1", "write a number"),
-        ("{q2: 25 Pa}", "system.meshes.0.direction.1", "plain number"),
-    ],
-)
-def test_mistakes_have_their_places(tmp_path: Path, direction: str, path: str, hint: str) -> None:
-    found = problems(tmp_path, text("", direction, "[0, 1, 0]"))
-    assert any(problem.path == path and hint in problem.hint and problem.line == 7 for problem in found), found
 
 
 def test_a_unit_is_understood_and_the_schema_knows_mappings(tmp_path: Path) -> None:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scenes import problems
 from scipy.integrate import solve_ivp
 from systems import lone_pair
 
@@ -80,21 +77,3 @@ def test_stability_does_not_depend_on_them() -> None:
     assert system.common_period() == plain.common_period()
     omega = [9000.0, 33000.0]
     assert_allclose(gs.floquet(system, omega).growth_rate, gs.floquet(plain, omega).growth_rate, rtol=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (
-            {"revolution_errors": [{"gear": "c", "cos": [1e-6]}]},
-            "revolution_errors.0.gear: 'c' is no gear",
-        ),
-        ({"revolution_errors": [{"gear": "a"}]}, "revolution_errors.0: has no harmonics"),
-        ({"revolution_errors": [{"gear": "a", "cos": ["3 kg"]}]}, "has the wrong dimension"),
-        ({"backlash": 1e-5}, "backlash: is not available with revolution_errors"),
-    ],
-)
-def test_what_is_wrong_is_told(tmp_path: Path, change: dict[str, Any], said: str) -> None:
-    text = json.dumps({"system": pair(0.3, **change)})
-    (problem,) = problems(tmp_path, text)
-    assert said in str(problem)

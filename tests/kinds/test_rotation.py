@@ -33,6 +33,8 @@ from gearstab.waveforms import Constant, Fourier, Rectangular, Trapezoidal
 Array = np.ndarray
 DATA = FilePath(__file__).parents[1] / "data" / "rotation"
 RANDOM = json.loads((DATA / "gyroscopic_multipliers.json").read_text())["cases"]
+
+
 ROTORS = json.loads((DATA / "rotors.json").read_text())
 
 

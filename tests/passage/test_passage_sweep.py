@@ -4,20 +4,14 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from scenes import REDUCER, TRAIN, problems, read, result_of
+from scenes import REDUCER, TRAIN, problems, read, result_of, scene_text
 
 from gearstab.sweep import plan
 
 DAMPED = REDUCER.replace("teeth: 63", "teeth: 40").replace("gearbox\n", "gearbox\n  damping_ratio: 0.001\n")
 
 
-GRID = """
-sweep:
-  mesh_frequency: {start: 1.5, stop: 6.0, num: 3}
-  damping_ratio: [0, "0.5 %", "2 %"]
-  meshes.second.phasing: [0.0, 0.5]
-methods: {passage: {rate: [0.03, 1.0, -0.1]}}
-"""
+GRID = scene_text("passage_sweep_grid")
 
 
 def test_blocks_change_nothing(tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from numpy.testing import assert_array_equal
-from scenes import TRAIN
+from scenes import scene_text
 from tongues import train
 
 from gearstab.config import load
@@ -23,16 +23,7 @@ from gearstab.results import open_result
 from gearstab.sweep import plan, run
 from gearstab.waveforms import Rectangular
 
-CONFIG = (
-    TRAIN
-    + """\
-sweep:
-  mesh_frequency: [0.4, 6.5]
-  epsilon: {start: 0.0, stop: 0.4, num: 5}
-methods:
-  perturbation: {order: 2, harmonics: 2}
-"""
-)
+CONFIG = scene_text("perturbation_second_sweep")
 
 
 def swept(folder: Path, text: str = CONFIG) -> Path:

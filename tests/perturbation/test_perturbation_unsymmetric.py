@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import ran
+from scenes import ran, scene_text
 
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.general import analyse
@@ -422,29 +422,7 @@ def test_order_two_refuses_terms() -> None:
         second_order(pair(0.01, 1.0), 1)
 
 
-SWEEP = """\
-system:
-  kind: matrices
-  units: none
-  mass: [[1, 0], [0, 1]]
-  stiffness: [[1.0, 0], [0, 6.0]]
-  damping: {matrix: [[0.01, 0], [0, 0.05]]}
-  meshes: [{name: mesh, direction: [0.7, 0.7], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}]
-  terms:
-    - name: friction
-      left: [0.3, -0.6]
-      right: [0.8, 1.0]
-      stiffness: {mean: 0.0, amplitude: 0.2, contact_ratio: 1.6}
-      damping: {mean: 0.0}
-      lag: 0.25
-sweep:
-  friction: {targets: [terms.friction.stiffness.amplitude], values: [0.0, -0.25, 0.25]}
-  terms.friction.damping.mean: [0.0, 0.4]
-  mesh_frequency: [1.3, 1.4]
-methods:
-  floquet: {}
-  perturbation: {harmonics: 1}
-"""
+SWEEP = scene_text("perturbation_unsymmetric_sweep")
 
 
 def test_a_sweep_over_friction_against_floquet(tmp_path: Path) -> None:

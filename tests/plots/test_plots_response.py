@@ -7,7 +7,7 @@ import numpy as np
 import plot_results as made
 import pytest
 import xarray as xr
-from scenes import read
+from scenes import read, scene_text
 
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
@@ -188,17 +188,7 @@ def test_a_history_that_grows_beyond_what_a_response_can_is_drawn():
     assert 1e199 < figure.axes[0].get_ylim()[1] < np.inf
 
 
-WEAK = """\
-title: A weak tooth
-system:
-  kind: gearbox
-  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
-  rotors: [{name: a, teeth: 20, inertia: 1.0e-3}, {name: b, teeth: 33, inertia: 1.0e-2}]
-  meshes: [{name: mesh, gears: [a, b], damping_ratio: 0.05, faults: [{gear: b, factor: 0.6}]}]
-  input: {rotor: a, torque: 20.0}
-  outputs: [{rotor: b}]
-respond: {input_speed: "2000 rpm", steady_state: true}
-"""
+WEAK = scene_text("plots_response_weak")
 
 
 FAULT = "faults: [{gear: b, factor: 0.6}]"

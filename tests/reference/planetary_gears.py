@@ -3,6 +3,7 @@
 from fractions import Fraction
 
 import numpy as np
+from scenes import scene_text
 
 from gearstab.mesh import Mesh
 from gearstab.system import GearSystem
@@ -38,16 +39,7 @@ def configuration(*lines: str) -> str:
     return "\n".join([SECTION, *(f"  {line}" for line in lines), ""])
 
 
-SECTION = """\
-system:
-  kind: planetary
-  planets: 4
-  masses: {ring: 6.35, carrier: 5.43, sun: 0.4, planet: "4000 g"}
-  inertias: {carrier: 6.0, sun: 2.5, planet: 2.0}
-  pressure_angles: {sun: "24.6 deg", ring: "24.6 deg"}
-  meshes:
-    sun: {mean_stiffness: 1.0e+8, epsilon: 0.1, contact_ratio: 1.4}
-    ring: {mean_stiffness: 1.0e+8, epsilon: 0.2, contact_ratio: 1.6}"""
+SECTION = scene_text("planetary_gears_section")
 SEQUENTIAL = {"sun": [0.0, 0.25, 0.5, 0.75], "sun_ring": 0.5}
 
 

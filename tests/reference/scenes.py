@@ -26,35 +26,16 @@ CONFIGS, DOCS, DATA = ROOT / "configs", ROOT / "docs", ROOT / "tests" / "data"
 CONFIGURATIONS = sorted(path for path in CONFIGS.rglob("*.yaml") if path.parent.name != "benchmarks")
 """All that the program reads itself; a benchmark refers to one and adds published numbers."""
 
-TRAIN = """\
-title: A train
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: 1
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-"""
+
+def scene_text(name: str) -> str:
+    """Text of a configuration in ``tests/data/scenes``."""
+    return (DATA / "scenes" / f"{name}.yaml").read_text()
+
+
+TRAIN = scene_text("train")
 """Lin & Parker's two-stage train (2002, Table 1)."""
 
-REDUCER = """\
-system:
-  kind: gearbox
-  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
-  rotors:
-    - {name: motor, inertia: 0.01}
-    - {name: pinion, teeth: 20}
-    - {name: wheel, teeth: 63}
-    - {name: machine, inertia: 0.2}
-  shafts:
-    - {name: input, between: [motor, pinion], stiffness: 1.0e4}
-    - {name: output, between: [wheel, machine], stiffness: 8.0e4}
-  meshes: [{name: first, gears: [pinion, wheel]}]
-  input: {rotor: motor, torque: 20.0}
-  outputs: [{rotor: machine}]
-"""
+REDUCER = scene_text("reducer")
 """A motor and a machine that a pair of gears couples, by teeth."""
 
 

@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scenes import scene_text
 
 from gearstab.config import load
 from gearstab.errors import Interrupted, SweepError
@@ -25,21 +26,7 @@ from gearstab.methods.floquet import Floquet
 from gearstab.sweep import Plan, Reporter, plan, pool, run, run_in_memory
 from gearstab.sweep.storage import store
 
-CONFIG = """
-title: A train
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: 1
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-sweep:
-  input_shaft_stiffness: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
-  mesh_frequency: [1.0, 2.0, 3.0]
-methods: {floquet: {}}
-"""
+CONFIG = scene_text("sweep_faults")
 
 FOLDER = "GEARSTAB_TEST_FOLDER"
 

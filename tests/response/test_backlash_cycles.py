@@ -10,7 +10,7 @@ import pytest
 import systems
 from click.testing import CliRunner
 from driven import integrated_with_backlash
-from scenes import ROOT, ran
+from scenes import ROOT, ran, scene_text
 
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
@@ -186,17 +186,6 @@ def test_backlash_as_an_axis(tmp_path: Path) -> None:
         assert span[0] > 10 * span[1]
 
 
-def test_only_backlash_is_continued(tmp_path: Path) -> None:
-    source = ROOT / "configs" / "response" / "backlash_speeds.yaml"
-    out = tmp_path / "out.h5"
-    done = ran("sweep", source, "-o", out, "--set", "system.meshes.mesh.backlash=0")
-    assert done.exit_code != 0
-    assert "no mesh has backlash" in done.stderr
-    done = ran("sweep", source, "-o", out, "--set", "methods.response.discard=150")
-    assert done.exit_code != 0
-    assert "leaves nothing of 150 cycles" in done.stderr
-
-
 def test_the_file_holds_events_and_the_limit_cycle(tmp_path: Path) -> None:
     out = tmp_path / "out.h5"
     done = ran("respond", CONFIG, "-o", out, "--set", "respond.cycles=140")
@@ -264,13 +253,7 @@ def test_the_figure_shows_the_orbit_and_where_it_is_once_a_period(tmp_path: Path
             draw(tree, "phase-plane", variable="energy")
 
 
-SCENE = """
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  load: [0.5]
-  meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, backlash: "2 m"}]
-"""
+SCENE = scene_text("backlash_cycles")
 
 
 def test_only_backlash_has_something_to_discard(tmp_path: Path) -> None:

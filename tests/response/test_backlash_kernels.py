@@ -51,6 +51,7 @@ def planetary(motion: str) -> GearSystem:
 CASES: dict[str, tuple[GearSystem, float]] = {
     "a long common period": (loose(train(Fraction(16, 17)), 0.3), 1.3),
     "planets": (planetary("rotational"), 1.3),
+    "planar planets": (planetary("planar"), 1.1),
     "rattle without load": (build(systems.pair({"backlash": 0.5, "transmission_error": {"sin": [0.2]}})), 0.7),
     "many harmonics": (loose(with_waves(train(), SMOOTH[0], Fourier(np.zeros(12), 0.5 ** np.arange(12))), 0.3), 0.9),
 }

@@ -5,26 +5,14 @@ from math import tau
 from pathlib import Path
 
 import pytest
-from scenes import ROOT, ran
+from scenes import ROOT, ran, scene_text
 from systems import train
 
 from gearstab.config import load
 from gearstab.response.command import computed, effort
 
 CONFIGS = ROOT / "configs"
-SMOOTH = """
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  damping_ratio: 0.02
-  load: [0.0, 0.0, 1.0]
-  tooth_ratio: 21/20
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, waveform: {kind: fourier, sin: [0.5, 0.1], cos: [0.1, 0.2]}}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, waveform: {kind: fourier, sin: [0.5, 0.1], cos: [0.1, 0.2]}}
-respond: {mesh_frequency: 0.5, cycles: 4000, initial: {velocity: [1, 0, 0]}}
-"""
+SMOOTH = scene_text("respond_effort_smooth")
 CASES = {
     "history": (CONFIGS / "lin_parker_2002" / "fig9a.yaml", "respond.cycles=9000"),
     "a long period": (CONFIGS / "lin_parker_2002" / "fig9a.yaml", 'system.tooth_ratio="101/97"'),

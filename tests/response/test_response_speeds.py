@@ -10,7 +10,7 @@ import pytest
 from driven import CASES, force_peaks, pair, train, with_waves
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import ROOT, plain, ran
+from scenes import ROOT, plain, ran, scene_text
 
 from gearstab.config import load
 from gearstab.floquet import solve
@@ -195,22 +195,7 @@ def test_a_system_at_rest_has_no_steady_state_to_show() -> None:
     assert not replace(system, load=np.array([1.0])).symmetries
 
 
-CONFIG = """
-title: a run-up
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  damping_ratio: 0.05
-  load: [1.0]
-  meshes: [{name: mesh, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, transmission_error: {sin: [0.1]}}]
-sweep:
-  epsilon: [0.0, 0.3]
-  load.0: [1.0, 2.0]
-  mesh_frequency: {start: 0.4, stop: 2.6, num: 23}
-methods:
-  floquet: {}
-  response: {samples_per_cycle: 64}
-"""
+CONFIG = scene_text("response_speeds")
 
 
 def run(path: Path, *arguments: str) -> object:
@@ -239,34 +224,6 @@ def test_a_sweep_writes_the_responses_over_its_axes(tmp_path: Path) -> None:
             assert at[name].attrs["units"]
         unstable = found["status"].values & STATUS_FLAGS["unstable"] != 0
         np.testing.assert_array_equal(unstable, tree["floquet"]["stable"].values == 0)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("  load: [1.0]\n", "", "load"),
-        ("samples_per_cycle: 64", "samples_per_cycle: 4", "methods.response.samples_per_cycle"),
-        ("  mesh_frequency: {start: 0.4, stop: 2.6, num: 23}\n", "", "needs a mesh_frequency axis"),
-        ("{sin: [0.1]}", "{sin: []}", "system.meshes.0.transmission_error: has no harmonics"),
-        ("load: [1.0]", "load: [1.0, 2.0]", "system.load: has 2 entries"),
-    ],
-)
-def test_wrong_input_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
-    path = tmp_path / "run.yaml"
-    path.write_text(CONFIG.replace(old, new).replace("  floquet: {}\n", ""))
-    done = run(path, "-o", str(tmp_path / "run.h5"), "-q", "-j", "1")
-    assert done.exit_code == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.output
-
-
-def test_a_system_that_nothing_drives_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "run.yaml"
-    text = CONFIG.replace("  load: [1.0]\n", "").replace("  load.0: [1.0, 2.0]\n", "")
-    path.write_text(text.replace(", transmission_error: {sin: [0.1]}", ""))
-    done = run(path, "-o", str(tmp_path / "run.h5"), "-q", "-j", "1")
-    assert done.exit_code == 2
-    assert "nothing drives the system" in done.stderr
 
 
 def planetary(**changes: object) -> dict[str, object]:

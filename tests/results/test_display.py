@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import ran, written
+from scenes import ran, scene_text, written
 
 from gearstab.errors import ResultError
 from gearstab.plots import draw
@@ -18,19 +18,7 @@ from gearstab.results.display import in_display_units, number_of
 
 RPM = np.pi / 30
 TEETH = 19
-GEARBOX = """\
-system:
-  kind: gearbox
-  damping_ratio: 0.001
-  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
-  rotors: [{name: pinion, teeth: 19}, {name: wheel, teeth: 48}]
-  meshes: [{name: m, gears: [pinion, wheel]}]
-  input: {rotor: pinion}
-sweep:
-  input_speed: {start: "20000 rpm", stop: "80000 rpm", num: 31}
-  epsilon: [0.2, 0.3]
-methods: {floquet: {}, perturbation: {harmonics: 2}, boundaries: {}}
-"""
+GEARBOX = scene_text("display_gearbox")
 
 
 def stored(factory: pytest.TempPathFactory, command: str, text: str) -> Path:
@@ -182,16 +170,7 @@ def test_an_unknown_unit_is_refused(tree: xr.DataTree) -> None:
         in_display_units(tree, ["furlong"])
 
 
-MODES_OF_PAIR = """\
-system:
-  kind: gear_pair
-  teeth: [20, 50]
-  equivalent_mass: 0.5
-  damping_ratio: 0.05
-  load: [1000.0]
-  meshes: [{mean_stiffness: 2.0e8, epsilon: 0.2, contact_ratio: 1.6}]
-respond: {input_speed: "1500 rpm", steady_state: true}
-"""
+MODES_OF_PAIR = scene_text("display_modes_of_pair")
 
 
 @pytest.fixture(scope="module")

@@ -11,22 +11,13 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
-from scenes import TRAIN
+from scenes import scene_text
 
 from gearstab.results import open_result
 
 resource = pytest.importorskip("resource")
 
-CONFIG = (
-    TRAIN
-    + """\
-sweep:
-  mesh_frequency: {start: 4.0, stop: 6.0, num: 200}
-  epsilon: {start: 0.0, stop: 0.4, num: 100}
-methods: {floquet: {}}
-respond: {mesh_frequency: 5, cycles: 50, initial: {velocity: [1, 0, 0]}}
-"""
-)
+CONFIG = scene_text("full_disk")
 COMMANDS = {
     "sweep": ["sweep", "other.yaml", "-o", "out.h5", "--overwrite"],
     "respond": ["respond", "train.yaml", "-o", "response.h5"],

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import h5py
 import pytest
-from scenes import TRAIN, code
+from scenes import code, scene_text
 
 from gearstab.errors import UserError
 from gearstab.interrupts import temporary
@@ -25,16 +25,7 @@ from gearstab.results.export import TABLE
 from gearstab.results.output import free_bytes, move, prepare, write_bytes, writing
 from gearstab.results.read import BENCH, RESPOND, SWEEP, result_of
 
-CONFIG = (
-    TRAIN
-    + """\
-sweep:
-  mesh_frequency: {start: 4.0, stop: 6.0, num: 5}
-  epsilon: [0.1, 0.3]
-methods: {floquet: {}}
-respond: {mesh_frequency: 5, cycles: 2, initial: {velocity: [1, 0, 0]}}
-"""
-)
+CONFIG = scene_text("output")
 
 unix = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import scene_text
 from sweep_faults import CONFIG, faulty
 
 from gearstab.cli.sweep import forecast as dry_run
@@ -163,18 +164,7 @@ class TestClock:
             within(30.0, lambda: 1 // 0)
 
 
-ENDLESS = """
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: "999/1000"
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-sweep: {mesh_frequency: {start: 0.00003, stop: 7.0, num: 5}}
-methods: {boundaries: {}}
-"""
+ENDLESS = scene_text("estimate_endless")
 
 
 def test_a_search_without_end_says_so_before(tmp_path: Path) -> None:

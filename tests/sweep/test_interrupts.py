@@ -14,7 +14,7 @@ from pathlib import Path
 from threading import Event
 
 import pytest
-from scenes import ROOT, TRAIN, heed
+from scenes import ROOT, TRAIN, heed, scene_text
 
 from gearstab import interrupts
 from gearstab.config import load
@@ -26,20 +26,7 @@ from gearstab.sweep.storage.parts import FinishedBlock
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs signals of POSIX")
 
-CONFIG = (
-    TRAIN
-    + """\
-sweep:
-  mesh_frequency: {start: 4.0, stop: 6.0, num: 300}
-  epsilon: {start: 0.0, stop: 0.4, num: 300}
-methods: {floquet: {}}
-respond: {mesh_frequency: 5, cycles: 20000, initial: {velocity: [1, 0, 0]}}
-design:
-  range: {mesh_frequency: [0.5, 6.0]}
-  variables: {meshes.first.contact_ratio: [1.1, 1.9], meshes.second.phasing: [0.0, 1.0]}
-  minimise: [instability_width, growth_rate]
-"""
-)
+CONFIG = scene_text("interrupts")
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
 

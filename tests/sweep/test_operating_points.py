@@ -1,19 +1,11 @@
 """Cases and ties that set the mesh frequency: points of operation instead of a grid."""
 
 import numpy as np
-from scenes import ran
+from scenes import ran, scene_text
 
 from gearstab.results import open_result
 
-SYSTEM = """\
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  meshes:
-    - {max_stiffness: 1.0, amplitude: 0.3, contact_ratio: 1.47}
-    - {max_stiffness: 1.0, amplitude: 0.3, contact_ratio: 1.57, phasing: 0.0}
-"""
+SYSTEM = scene_text("operating_points")
 METHODS = "methods: {floquet: {}}\n"
 
 

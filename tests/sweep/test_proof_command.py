@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import ran
+from scenes import ran, scene_text
 from test_sweep import divided
 
 from gearstab.cli.messages import percent, searched
@@ -20,22 +20,7 @@ from gearstab.sweep import plan, run
 from gearstab.sweep.storage import store
 from gearstab.sweep.storage.merge import RegionSearches
 
-TRAIN = """
-title: A damped train
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: "3/5"
-  damping_ratio: 0.01
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.37}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.62}
-sweep:
-  mesh_frequency: {start: 1.0, stop: 7.0, num: 61}
-  epsilon: [0.02, 0.1, 0.3, 0.5]
-methods: {floquet: {}, boundaries: {}}
-"""
+TRAIN = scene_text("proof_command_train")
 
 
 @pytest.fixture(scope="module")
@@ -138,20 +123,7 @@ def test_shares_are_rounded_down() -> None:
     assert "; those of 3 of 20 systems in equal steps only" in line(0.0043, 3, 0.9, 0.0)
 
 
-LIGHT = """
-system:
-  kind: matrices
-  mass: [[1, 0], [0, 1.3]]
-  stiffness: [[1.2, -0.2], [-0.2, 0.9]]
-  damping: {matrix: [[2.0e-7, 0], [0, 2.0e-7]]}
-  meshes: [{name: first, direction: [1, -1], mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.6}]
-  terms: [{name: rubbing, left: [1, 0], right: [1, -1], stiffness: {mean: 0, amplitude: 0.01, contact_ratio: 1.3}}]
-sweep: {mesh_frequency: [2.5, 4.0]}
-methods:
-  boundaries: {}
-  tongue_probability: {samples: 16}
-  tolerance: {parameters: {meshes.first.contact_ratio: {uniform: [1.5, 1.7]}}}
-"""
+LIGHT = scene_text("proof_command_light")
 
 
 def test_searches_by_samples_say_their_step_and_how_many_were_coarse(

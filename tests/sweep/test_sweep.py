@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import TRAIN, plain
+from scenes import TRAIN, plain, scene_text
 
 from gearstab.config import Assignment, Axis, load
 from gearstab.floquet import solve
@@ -49,19 +49,7 @@ def computed(planned: Plan, folder: Path, name: str = "r") -> xr.DataTree:
         return tree.load()
 
 
-CASES = """
-sweep:
-  phasing: [0.0, 0.3]
-  mesh_frequency: {start: 0.6, stop: 6.5, num: 7}
-  case:
-    - {label: equal, meshes.first.epsilon: 0.2, meshes.second.contact_ratio: 1.5}
-    - {label: unequal, meshes.first.epsilon: 0.4, meshes.second.contact_ratio: 1.8}
-  input_shaft_stiffness: [0.5, 0.7, 0.9]
-methods:
-  floquet: {exponents: true}
-  perturbation: {harmonics: 2}
-  boundaries: {tolerance: 1.0e-6, width_floor: 1.0e-3}
-"""
+CASES = scene_text("sweep_cases")
 
 
 def at(planned: Plan, phasing: float, epsilon: float, contact_ratio: float, stiffness: float) -> dict:
@@ -155,13 +143,7 @@ def test_the_division_does_not_matter(make: Make, cases: tuple[Plan, xr.DataTree
             np.testing.assert_allclose(values, tree[group][name], rtol=1e-12, atol=1e-10, err_msg=str(name))
 
 
-RATIOS = """
-sweep:
-  tooth_ratio: ["1", "1/2", "3/5"]
-  epsilon: [0.1, 0.2]
-  mesh_frequency: {start: 1.0, stop: 6.0, num: 5}
-methods: {floquet: {}, perturbation: {harmonics: 2}}
-"""
+RATIOS = scene_text("sweep_ratios")
 
 
 @pytest.mark.parametrize("points", [1, 1000])

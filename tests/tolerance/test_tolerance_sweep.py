@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import TRAIN, plain, problems, read, result_of
+from scenes import TRAIN, plain, problems, read, result_of, scene_text
 from systems import pair
 
 from gearstab.floquet import solve
@@ -92,19 +92,7 @@ methods:
         assert 0 < wanted.min() < wanted.max() < 1
 
 
-MAP = (
-    TRAIN
-    + """
-sweep: {epsilon: {start: 0.05, stop: 0.4, num: 4}, mesh_frequency: {start: 1.0, stop: 5.0, num: 30}, case: CASES}
-methods:
-  tolerance:
-    samples: 128
-    parameters:
-      meshes.first.contact_ratio: {normal: [1.5, 0.1]}
-      input_shaft_stiffness: {uniform: [0.3, 0.8]}
-      mesh_frequency: {normal: [0.0, 0.05], deviation: true}
-""".replace("CASES", "[{label: one, tooth_ratio: 1}, {label: two, tooth_ratio: 2}]")
-)
+MAP = scene_text("tolerance_sweep_map")
 
 
 def test_blocks_and_processes_change_nothing(tmp_path, monkeypatch):

@@ -4,7 +4,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from scenes import TRAIN, problems, read, result_of
+from scenes import TRAIN, problems, read, result_of, scene_text
 from systems import pair
 
 from gearstab.floquet import solve
@@ -12,13 +12,7 @@ from gearstab.floquet.boundaries import boundaries
 from gearstab.sweep import plan
 from gearstab.systems import build
 
-PAIR = """
-system: {kind: gear_pair, equivalent_mass: 1.0, meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}]}
-sweep: {mesh_frequency: [1.7, 1.9]}
-methods:
-  tolerance: {samples: 16, parameters: {epsilon: {uniform: [0.05, 0.45]}}}
-  tongue_probability: {samples: 512, seed: 3}
-"""
+PAIR = scene_text("tongue_probability_pair")
 
 
 def test_a_known_probability(tmp_path):
@@ -38,15 +32,7 @@ def test_a_known_probability(tmp_path):
     assert abs(middle - truth) < 1 / 64
 
 
-SEVERAL = (
-    TRAIN
-    + """
-sweep: {mesh_frequency: [2.0, 6.0], meshes.second.phasing: [0.0, 0.25, 0.5]}
-methods:
-  tolerance: {samples: 16, parameters: {contact_ratio: {normal: [1.5, 0.02]}, inertias.1: {uniform: [0.2, 0.4]}}}
-  tongue_probability: {samples: 32}
-"""
-)
+SEVERAL = scene_text("tongue_probability_several")
 
 
 def test_samples_are_searched_one_by_one(tmp_path, monkeypatch):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import gearstab as gs
-from gearstab.config import ConfigError
 from gearstab.errors import DoubtWarning, NotPossible
 from gearstab.waveforms import Sampled, TorqueTable
 
@@ -110,42 +109,3 @@ def test_measured_rows_close_the_period_at_every_torque(tmp_path: Path) -> None:
     wave = gs.build(config).meshes[0].waveform
     np.testing.assert_allclose(wave.phase, table(175.0).phase, rtol=0, atol=1e-15)
     np.testing.assert_allclose(wave.stiffness, table(175.0).stiffness, rtol=1e-15)
-
-
-TABLE = "{kind: table, file: k.csv, torque: 80}"
-
-
-@pytest.mark.parametrize(
-    ("change", "waveform", "extra", "message"),
-    [
-        (lambda t: t[:, :-1], TABLE, "", "has no stiffness at torque 250 and phase 0.9"),
-        (
-            lambda t: t[:, [*range(12), 5]],
-            TABLE,
-            "",
-            "line 14: the stiffness at torque 100 and phase 0.3 is given twice",
-        ),
-        (lambda t: t[:, :4], TABLE, "", "has 1 torque (got"),
-        (lambda t: t + np.array([[0], [0.2], [0]]), TABLE, "", "line 5: phase 1.1 is outside [0, 1)"),
-        (
-            lambda t: t[1:],
-            TABLE,
-            "",
-            "line 2: has 2 columns (got",
-        ),
-        (None, "{kind: table, file: k.csv, torque: 20 N m}", "", "torque 20 N m is beyond the table"),
-        (None, "{kind: table, file: k.csv}", "", "waveform.torque: is missing; add torque"),
-        (None, "{kind: table, torque: 80}", "", "waveform.file: is missing; add file"),
-        (None, "{kind: sampled, file: k.csv, torque: 80}", "", "a sampled wave takes no torque"),
-        (None, TABLE, ", meshes.0.waveform.torque: [50, 300]", "torque 300 N m is beyond the table"),
-    ],
-)
-def test_mistakes_are_one_line(tmp_path: Path, change, waveform: str, extra: str, message: str) -> None:
-    written(tmp_path, columns() if change is None else change(columns()))
-    source = tmp_path / "train.yaml"
-    source.write_text(train(waveform, extra))
-    with pytest.raises(ConfigError) as raised:
-        gs.load(source)
-    lines = str(raised.value).splitlines()
-    assert any(message in line for line in lines)
-    assert all(line.startswith(f"{source}:") for line in lines)

@@ -5,20 +5,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from scenes import CONFIGS, ran, written
+from scenes import CONFIGS, ran, scene_text, written
 
 RUN = [sys.executable, "-W", "error", "-c", "import sys; from gearstab.cli import main; main(sys.argv[1:])", "check"]
 
-WRONG = """\
-system:
-  kind: two_stage
-  inertias: [1.0, -0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: 1
-  meshes:
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ration: 1.5}
-"""
+WRONG = scene_text("config_check_wrong")
 
 
 def test_a_valid_configuration() -> None:

@@ -4,28 +4,11 @@ import os
 from pathlib import Path
 
 import pytest
-from scenes import written
+from scenes import scene_text, written
 
 from gearstab.config import ConfigError, Problem, load
 
-GOOD = """\
-title: A train
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: 1
-  damping_ratio: 0
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, phasing: 0.0}
-sweep:
-  mesh_frequency: {start: 0.35, stop: 7.0, num: 40}
-  epsilon: {start: 0.0, stop: 0.5, num: 11}
-methods:
-  floquet: {}
-  boundaries: {}
-"""
+GOOD = scene_text("config_errors")
 
 
 def problems(folder: Path, text: str | bytes, *overrides: str) -> list[Problem]:

@@ -1,49 +1,16 @@
 """Valid values that are hardly meant: one line on standard error, the same exit code, nothing for sensible models."""
 
+import tomllib
 from pathlib import Path
 
 import pytest
-from scenes import CONFIGURATIONS, ran, written
+from scenes import CONFIGURATIONS, DATA, ran, scene_text, written
 
 from gearstab.config import load
 
-GEARBOX = """\
-system:
-  kind: gearbox
-  gears: {module: 3 mm, pressure_angle: 20 deg, face_width: 20 mm}
-  rotors:
-    - {name: motor, inertia: 0.05}
-    - {name: pinion, teeth: 19}
-    - {name: gear, teeth: 48}
-  shafts: [{name: coupling, between: [motor, pinion], stiffness: 2.0e+4}]
-  meshes: [{name: m, gears: [pinion, gear], damping_ratio: 0.02}]
-  input: {rotor: motor, speed: 1500 rpm}
-  outputs: [{rotor: gear, torque: 100}]
-sweep:
-  input_speed: {start: 500 rpm, stop: 3000 rpm, num: 7}
-methods: {floquet: {}}
-"""
-PAIR = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 0.6
-  damping_ratio: 0.02
-  load: 1000
-  meshes: [{mean_stiffness: 2.0e+8, epsilon: 0.3, contact_ratio: 1.5, backlash: 80 um}]
-sweep:
-  epsilon: [0.1, 0.2, 0.3]
-  mesh_frequency: {start: 500, stop: 60000, num: 5}
-methods: {floquet: {}}
-respond: {mesh_frequency: 10000, cycles: 3}
-"""
-DIMENSIONLESS = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, backlash: 80, transmission_error: {sin: [0.1]}}]
-sweep: {mesh_frequency: {start: 0.4, stop: 2.6, num: 5}}
-methods: {floquet: {}}
-"""
+GEARBOX = scene_text("doubts_gearbox")
+PAIR = scene_text("doubts_pair")
+DIMENSIONLESS = scene_text("doubts_dimensionless")
 
 
 def doubts(folder: Path, text: str, *overrides: str) -> list[tuple[str, str]]:
@@ -52,40 +19,17 @@ def doubts(folder: Path, text: str, *overrides: str) -> list[tuple[str, str]]:
 
 
 SLIPS = [
-    (GEARBOX, ["gears.module=3"], "system.gears.module", '"3 mm"'),
-    (GEARBOX, ["gears.face_width=20"], "system.gears.face_width", '"20 mm"'),
-    (GEARBOX, ["gears.module=3 m"], "system.gears.module", "check the unit"),
-    (GEARBOX, ["rotors.pinion.body_radius=25"], "system.rotors.1.body_radius", '"25 mm"'),
-    (GEARBOX, ["rotors.pinion.inertia=250"], "system.rotors.1.inertia", '"250 kg mm^2"'),
-    (GEARBOX, ["rotors.motor.inertia=5.0e+11"], "system.rotors.0.inertia", "kg m^2"),
-    (GEARBOX, ["rotors.pinion={name: pinion, teeth: 19, mass: 500, support: {stiffness: 1.0e+8}}"],
-     "system.rotors.1.mass", '"500 g"'),
-    (GEARBOX, ["meshes.m.position=90"], "system.meshes.0.position", '"90 deg"'),
-    (GEARBOX, ["meshes.m.backlash=80"], "system.meshes.0.backlash", '"80 um"'),
-    (GEARBOX, ["material.young=210"], "system.material.young", '"210 GPa"'),
-    (GEARBOX, ["material.density=7.85"], "system.material.density", '"7.85 g/cm^3"'),
-    (GEARBOX, ["input.speed=15000"], "system.input.speed", '"15000 rpm"'),
-    (GEARBOX, ["sweep.input_speed={start: 500, stop: 20000, num: 7}"], "sweep.input_speed", '"20000 rpm"'),
-    (GEARBOX, ["gears.module=10 mm", "sweep.input_speed=[500, 3000]"], "sweep.input_speed", '"3000 rpm"'),
-    (GEARBOX, ["sweep={mesh_frequency: [600 rpm, 1200 rpm]}"], "sweep.mesh_frequency", "input_speed"),
-    (PAIR, ["meshes.0.backlash=80"], "system.meshes.0.backlash", '"80 um"'),
-    (PAIR, ["meshes.0.transmission_error={sin: [5]}"], "system.meshes.0.transmission_error.sin.0", '"5 um"'),
-    (PAIR, ["sweep={meshes.0.backlash: [50, 80], mesh_frequency: [1, 2]}"], "sweep.meshes.0.backlash", '"80 um"'),
-    (PAIR, ["equivalent_mass=6.0e+11"], "system.equivalent_mass", "kg"),
-    (PAIR, ["damping_ratio=5"], "system.damping_ratio", '"5 %"'),
-    (PAIR, ["respond.mesh_frequency=10000 rpm"], "respond.mesh_frequency", "number of teeth"),
-    (PAIR, ["sweep.mesh_frequency=[500, 60000, 400]"], "sweep.mesh_frequency", "num: 400"),
-    (PAIR, ["sweep.epsilon=[0.1, 0.2, 0.1]"], "sweep.epsilon", "0.1 more than once"),
-    (PAIR, ["sweep.epsilon={start: 0.1, stop: 0.1, num: 3}"], "sweep.epsilon", "0.1 more than once"),
-    (DIMENSIONLESS, ["sweep.mesh_frequency=[0.35, 7.0, 400]"], "sweep.mesh_frequency", "num: 400"),
-]  # fmt: skip
+    pytest.param(scene["scene"], slip, id=" ".join(slip["set"])[:50])
+    for scene in tomllib.loads((DATA / "config" / "doubts.toml").read_text())["scene"]
+    for slip in scene["doubts"]
+]
 
 
-@pytest.mark.parametrize(("text", "overrides", "path", "said"), SLIPS, ids=[" ".join(slip[1])[:50] for slip in SLIPS])
-def test_slips_are_named_with_what_was_likely_meant(tmp_path, text, overrides, path, said):
-    ((place, message),) = doubts(tmp_path, text, *overrides)
-    assert place == path
-    assert said in message
+@pytest.mark.parametrize(("scene", "slip"), SLIPS)
+def test_slips_are_named_with_what_was_likely_meant(tmp_path, scene, slip):
+    ((place, message),) = doubts(tmp_path, scene_text(scene), *slip["set"])
+    assert place == slip["path"]
+    assert slip["says"] in message
 
 
 @pytest.mark.parametrize("text", [GEARBOX, PAIR, DIMENSIONLESS], ids=["gearbox", "pair", "dimensionless"])
@@ -102,14 +46,7 @@ def test_models_without_units_are_silent(tmp_path, units):
     assert doubts(tmp_path, text, *units, "equivalent_mass=1.0e+8") == []
 
 
-MATRICES = """\
-system:
-  kind: matrices
-  mass: [[2, 1.0e-17], [1.0e-17, 3.0e-9]]
-  stiffness: [[1.0e+8, 0], [0, 10]]
-  coordinate_units: [m, rad]
-  meshes: [{direction: [1, 0.1], mean_stiffness: 2.0e+8, epsilon: 0.3, contact_ratio: 1.5}]
-"""
+MATRICES = scene_text("doubts_matrices")
 
 
 def test_matrices_are_judged_by_their_diagonal(tmp_path):

@@ -5,7 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from scenes import CONFIGS, DATA, problems, read, written
+from scenes import CONFIGS, DATA, read, scene_text, written
+
+from gearstab.config import Config, ConfigError
+from gearstab.config.sections.methods import check_options
 
 TABLES = sorted((DATA / "config" / "mistakes").glob("*.toml"))
 SCENES = [
@@ -25,23 +28,34 @@ def text_of(scene: dict[str, Any], folder: Path) -> str:
     """The right configuration of a scene, whose files are written beside it."""
     for name, content in scene.get("files", {}).items():
         written(folder, content, name)
-    return (CONFIGS / scene["config"]).read_text() if "config" in scene else scene["right"]
+    if "config" in scene:
+        return (CONFIGS / scene["config"]).read_text()
+    return scene_text(scene["scene"]) if "scene" in scene else scene["right"]
+
+
+def checked(folder: Path, text: str, *overrides: str) -> Config:
+    """Load a configuration and look whether the options of its methods fit its system, as ``check`` does."""
+    config = read(folder, text, *overrides)
+    if config.methods.chosen:
+        check_options(config, config.system.build())
+    return config
 
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_right_ones_are_read(tmp_path: Path, scene: dict[str, Any]) -> None:
-    read(tmp_path, text_of(scene, tmp_path))
+    checked(tmp_path, text_of(scene, tmp_path))
 
 
 @pytest.mark.parametrize(("scene", "case"), CASES)
 def test_a_mistake_is_told(tmp_path: Path, scene: dict[str, Any], case: dict[str, Any]) -> None:
     """Each in one line, all at once, and nothing that follows from them."""
     text = text_of(scene, tmp_path) if "files" not in case else text_of(scene | {"files": case["files"]}, tmp_path)
-    if "old" in case:
-        assert text.count(case["old"]) == 1
-        text = text.replace(case["old"], case["new"])
-    found = problems(tmp_path, text, *case.get("set", ()))
-    expected = case.get("problems", [case])
+    for old, new in case.get("changes", [[case["old"], case["new"]]] if "old" in case else []):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    with pytest.raises(ConfigError) as caught:
+        checked(tmp_path, text, *case.get("set", ()))
+    found, expected = caught.value.problems, case.get("problems", [case])
     assert [(p.path, p.code, p.line) for p in found] == [(p["path"], p["code"], p.get("line")) for p in expected]
     lines = "\n".join(map(str, found))
     assert lines.count("\n") == len(expected) - 1

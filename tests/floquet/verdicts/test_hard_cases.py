@@ -15,6 +15,8 @@ SETTLED = [
     for name, case in CASES.items()
     if "large" not in case.tags
 ]
+
+
 INTEGRATED = [name for name, case in CASES.items() if not case.tags & {"stiff", "negative", "slow", "many"}]
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from gearbox_trains import RPM
-from scenes import written
+from scenes import scene_text, written
 
 from gearstab.config import ConfigError, Problem, load
 from gearstab.plots import draw
@@ -15,24 +15,7 @@ from gearstab.sweep import plan, run
 from gearstab.systems import build
 from gearstab.systems.kinematics import TrainError
 
-GOOD = """\
-system:
-  kind: gearbox
-  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
-  rotors:
-    - {name: motor, inertia: 0.05}
-    - {name: pinion, teeth: 19, support: {stiffness: 2.0e+8, damping_ratio: 0.02}}
-    - {name: gear, teeth: 48, support: {stiffness: 2.0e+8, damping_ratio: 0.02}}
-  shafts:
-    - {name: coupling, between: [motor, pinion], stiffness: 2.0e+4, damping_ratio: 0.01}
-  meshes:
-    - {name: m, gears: [pinion, gear], damping_ratio: 0.02}
-  input: {rotor: motor, speed: "1500 rpm"}
-  outputs: [{rotor: gear, torque: 100}]
-sweep:
-  input_speed: {start: "600 rpm", stop: "3000 rpm", num: 7}
-methods: {floquet: {}}
-"""
+GOOD = scene_text("gearbox_config")
 
 
 def loaded(folder: Path, text: str = GOOD, *overrides: str) -> Any:

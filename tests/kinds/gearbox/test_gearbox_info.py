@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from gearbox_trains import REFERENCE
 from ruamel.yaml import YAML
+from scenes import scene_text
 
 from gearstab.config import load
 from gearstab.gears.geometry import Gear
@@ -16,26 +17,7 @@ from gearstab.info import train as info_train
 from gearstab.info.configuration import describe
 from gearstab.info.text import report
 
-SMALL = """\
-system:
-  kind: gearbox
-  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
-  rotors:
-    - {name: motor, inertia: 0.05}
-    - {name: pinion, teeth: 10, support: {stiffness: 2.0e+8}}
-    - {name: left, teeth: 40, support: {stiffness: 2.0e+8}}
-    - {name: right, teeth: 40}
-    - {name: ring, teeth: 120, internal: true, inertia: 0.2}
-  shafts:
-    - {name: coupling, between: [motor, pinion], stiffness: 2.0e+4}
-  meshes:
-    - {name: a, gears: [pinion, left]}
-    - {name: b, gears: [pinion, right], position: "180 deg"}
-    - {name: c, gears: [left, ring], single_pair_stiffness: 2.0e+8}
-    - {name: d, gears: [right, ring], single_pair_stiffness: 2.0e+8}
-  input: {rotor: motor, torque: 12, speed: "3000 rpm"}
-  outputs: [{rotor: ring}]
-"""
+SMALL = scene_text("gearbox_info_small")
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import ran
+from scenes import ran, scene_text
 
 from gearstab.config import load
 from gearstab.errors import PlotError
@@ -25,19 +25,7 @@ PAIR = Pair(Gear(19, 2e-3, face_width=0.02), Gear(48, 2e-3, face_width=0.02))
 RING = Pair(Gear(19, 2e-3, face_width=0.02), Gear(60, 2e-3, face_width=0.02, internal=True), wheel_drives=True)
 PLAIN, MEASURED = StiffnessModel(), StiffnessModel(single_pair_stiffness=2e8)
 
-CONFIG = """\
-system:
-  kind: gearbox
-  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
-  rotors:
-    - {name: pinion, teeth: 19}
-    - {name: gear, teeth: 48}
-  meshes:
-    - {name: m, gears: [pinion, gear], damping_ratio: 0.1}
-  input: {rotor: pinion}
-  outputs: [{rotor: gear, torque: 100}]
-respond: {mesh_frequency: 2.0e+4, steady_state: true, samples_per_cycle: 250, stored_cycles: 0.5}
-"""
+CONFIG = scene_text("gearbox_teeth")
 
 
 @pytest.mark.parametrize(("pair", "model"), [(PAIR, PLAIN), (RING, MEASURED)])

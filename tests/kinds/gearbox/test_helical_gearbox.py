@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import ROOT, problems, ran, read
+from scenes import ROOT, ran, read
 from test_planetary_sets import alone, as_text, in_a_train
 
 from gearstab.config import load
@@ -275,48 +275,3 @@ def test_a_helical_reducer_with_signed_helix_angles_is_built() -> None:
     first = 0.028 * np.sin(radians(23)) / (pi * 0.00175)
     assert [one.overlap_ratio for one in pairs] == pytest.approx([first, 0.04 * np.sin(BETA) / (pi * 0.0025)])
     assert ran("check", CASES / "a1_helical.yaml").exit_code == 0
-
-
-def changed(change: dict[str, Any], section: str = "gears", number: int | None = None) -> dict[str, Any]:
-    system = pair()
-    place = system[section] if number is None else system[section][number]
-    place.update(change)
-    return {key: value for key, value in system.items() if value is not None}
-
-
-MISTAKES = {
-    "unequal": (changed({"helix_angle": "18 deg"}, "rotors", 1), "meshes.0", "the helix angles differ: 20 and 18 deg"),
-    "hands": (changed({"hand": "right"}, "rotors", 1), "meshes.0", "must have opposite hands, not right and right"),
-    "hand and sign": (
-        changed({"hand": "right", "helix_angle": "-20 deg"}, "rotors", 0), "rotors.0.hand", "that of a left-handed gear"
-    ),
-    "no such hand": (changed({"hand": "up"}, "rotors", 0), "rotors.0.hand", "right, left"),
-    "steep": (changed({"helix_angle": "75 deg"}), "gears.helix_angle", "1.0472"),
-    "no width": (
-        changed({"module": 0.003, "face_width": None}), "gears.face_width", "needed for the overlap ratio of driver"
-    ),
-    "friction": (
-        changed({"friction": {"coefficient": 0.05}}, "meshes", 0), "meshes.0.friction",
-        "friction between helical teeth is not computed",
-    ),
-    "internal hands": (
-        {**pair(internal=1), "rotors": [*pair(internal=1)["rotors"][:1],
-                                        pair(internal=1)["rotors"][1] | {"hand": "left"}]},
-        "meshes.0", "must have the same hand, as one of them is internal, not right and left",
-    ),
-    "small ring": (
-        {**pair(internal=1), "rotors": [pair(internal=1)["rotors"][0] | {"teeth": 90}, pair(internal=1)["rotors"][1]]},
-        "meshes.0", "an internal gear needs more teeth than its pinion, not 81 with 90",
-    ),
-    "modules": (changed({"module": 0.004}, "rotors", 1), "meshes.0", "the base pitches differ"),
-    "far apart": (changed({"centre_distance": 0.25}, "meshes", 0), "meshes.0", "do not reach each other"),
-    "no body": (changed({"support": {}}, "rotors", 0), "rotors.0.support.stiffness", "axial_stiffness"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", list(MISTAKES))
-def test_mistakes_are_told_in_one_line(tmp_path, name) -> None:
-    system, place, words = MISTAKES[name]
-    found = problems(tmp_path, as_text(system))
-    assert [problem.path for problem in found] == [f"system.{place}"]
-    assert words in f"{found[0].message} {found[0].hint}"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
-from scenes import DATA, problems, read
+from scenes import DATA, problems, read, scene_text
 
 from gearstab.floquet import solve
 from gearstab.info import speeds
@@ -229,63 +229,10 @@ def test_so_it_is_with_unequal_angles_and_a_turning_carrier(
     np.testing.assert_allclose(again, growth, rtol=0, atol=1e-10 * float(first.natural_frequency[-1]))
 
 
-TWO = """\
-system:
-  kind: gearbox
-  gears: {module: 2 mm, pressure_angle: 20 deg, face_width: 20 mm}
-  rotors:
-    - {name: motor, inertia: 0.05}
-    - {name: sun, teeth: 30, mass: 0.8, support: {stiffness: 1.0e7}}
-    - {name: ring, teeth: 78, internal: true, inertia: 0.05}
-    - {name: carrier, inertia: 0.02, mass: 2.0, support: {stiffness: 3.0e8}}
-    - {name: second sun, teeth: 30, mass: 0.8, support: {stiffness: 2.0e7}}
-    - {name: second ring, teeth: 78, internal: true, inertia: 0.05}
-    - {name: second carrier, inertia: 0.04}
-    - {name: gear, teeth: 25}
-    - {name: pinion, teeth: 50}
-  planetary_sets:
-    - name: first
-      sun: sun
-      ring: ring
-      carrier: carrier
-      held: ring
-      planets: {count: 4, teeth: 24, support: {stiffness: 2.0e8}}
-      meshes: {sun: {}, ring: {single_pair_stiffness: 3.0e8}}
-    - name: second
-      sun: second sun
-      ring: second ring
-      carrier: second carrier
-      held: ring
-      planets: {count: 3, teeth: 24}
-      meshes: {sun: {}, ring: {single_pair_stiffness: 3.0e8}}
-  meshes: [{name: pair, gears: [gear, pinion]}]
-  shafts:
-    - {name: in, between: [motor, sun], stiffness: 1.0e4}
-    - {name: middle, between: [carrier, second sun], stiffness: 4.0e4}
-    - {name: out, between: [second carrier, gear], stiffness: 9.0e4}
-  input: {rotor: motor, torque: 12}
-  outputs: [{rotor: pinion}]
-"""
+TWO = scene_text("planetary_sets_two")
 
 
-SET = """\
-system:
-  kind: gearbox
-  gears: {module: 2 mm, pressure_angle: 20 deg, face_width: 20 mm}
-  rotors:
-    - {name: sun, teeth: 21}
-    - {name: ring, teeth: 81, internal: true}
-    - {name: carrier, inertia: 0.02}
-    - {name: wheel, teeth: 40}
-    - {name: pinion, teeth: 20}
-  planetary_sets:
-    - {name: one, sun: sun, ring: ring, carrier: carrier, held: ring, planets: {count: 3, teeth: 30},
-       meshes: {sun: {}, ring: {single_pair_stiffness: 3.0e8}}}
-  input: {rotor: carrier}
-  shafts:
-    - {name: joint, between: [sun, wheel], stiffness: 1.0e5}
-    - {name: other, between: [carrier, pinion], stiffness: 1.0e5}
-"""
+SET = scene_text("planetary_sets_set")
 PAIR_BESIDE = "  meshes: [{name: pair, gears: [wheel, pinion]}]\n"
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import read
+from scenes import read, scene_text
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 from test_planetary_sets import TWO
@@ -26,23 +26,7 @@ from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.gearbox.train import Train
 
-PAIR = """\
-system:
-  kind: gearbox
-  gears: {module: 3 mm, pressure_angle: 20 deg, face_width: 20 mm}
-  rotors:
-    - {name: motor, inertia: 0.02}
-    - {name: pinion, teeth: 32, bore_radius: 18 mm}
-    - {name: wheel, teeth: 48, bore_radius: 27 mm}
-    - {name: machine, inertia: 0.5}
-  shafts:
-    - {name: in, between: [motor, pinion], stiffness: 2.0e4, damping_ratio: 0.05}
-    - {name: out, between: [wheel, machine], stiffness: 4.0e4, damping_ratio: 0.05}
-  meshes:
-    - {name: only, gears: [pinion, wheel], damping_ratio: 0.05, waveform: {kind: WAVE}, relief: RELIEF}
-  input: {rotor: motor, torque: 200 N m}
-  outputs: [{rotor: machine}]
-"""
+PAIR = scene_text("relief_gearbox")
 TIP = "{tip: {amount: 20 um, length: 4 mm, form: parabolic}}"
 
 

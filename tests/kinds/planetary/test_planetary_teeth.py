@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import problems, read
+from scenes import problems, read, scene_text
 
 from gearstab.config import Config
 from gearstab.systems import build
@@ -13,27 +13,9 @@ from gearstab.systems.planetary.teeth import with_teeth
 
 Z = {"sun": 28, "planet": 20, "ring": 68}
 M, ALPHA, WIDTH, DENSITY = 0.002, np.deg2rad(20), 0.025, 7850.0
-TEXT = """\
-system:
-  kind: planetary
-  planets: 4
-  ring: {kind: rigid}
-  gears: {module: 2 mm, pressure_angle: 20 deg, face_width: 25 mm}
-  teeth: {sun: 28, planet: 20, ring: 68}
-  masses: {carrier: 1.5}
-  inertias: {carrier: 1.2}
-  supports: {carrier: 5.0e8, sun: 1.0e7, planet: 2.0e8, ring: 1.0e9, ring_rotation: 1.0e9}
-  meshes: {sun: {}, ring: {single_pair_stiffness: 3.0e8}}
-"""
+TEXT = scene_text("planetary_teeth_text")
 GEARS, TEETH = TEXT.splitlines(keepends=True)[4:6]
-PAIR = """\
-system:
-  kind: gearbox
-  gears: {module: 2 mm, pressure_angle: 20 deg, face_width: 25 mm}
-  rotors: [{name: sun, teeth: 28}, {name: planet, teeth: 20}]
-  meshes: [{name: m, gears: [sun, planet]}]
-  input: {rotor: sun}
-"""
+PAIR = scene_text("planetary_teeth_pair")
 
 
 def radius(body: str) -> float:

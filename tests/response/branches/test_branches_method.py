@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from backlash_pairs import CASES, pair
-from scenes import ran
+from scenes import ran, scene_text
 
 from gearstab import plots
 from gearstab.bench.costs import branch_cost
-from gearstab.config import ConfigError, load
+from gearstab.config import load
 from gearstab.errors import ResultError
 from gearstab.info import result
 from gearstab.info.result import jumps
@@ -33,25 +33,8 @@ from gearstab.sweep import plan, run
 from gearstab.sweep.compute import compute
 from gearstab.sweep.storage.store import fits
 
-SYSTEM = """
-system:
-  kind: gear_pair
-  units: none
-  equivalent_mass: 1.0
-  damping_ratio: 0.05
-  load: [0.5]
-  meshes: [{name: mesh, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, backlash: 2.0}]
-"""
-CONFIG = (
-    SYSTEM
-    + """
-sweep:
-  meshes.mesh.epsilon: [0.2, 0.3]
-  mesh_frequency: {start: 0.55, stop: 1.0, num: 3}
-methods:
-  branches: {start: [rest], at: [0.9], points: 200, cycles: 60}
-"""
-)
+SYSTEM = scene_text("branches_method_system")
+CONFIG = scene_text("branches_method_config")
 
 
 def configured(folder: Path, text: str) -> Path:
@@ -225,25 +208,7 @@ def test_input_speeds_jump_in_rpm(tmp_path: Path) -> None:
     assert (found["unit"], found["direction"], found["after"]) == ("rpm", "rising", None)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [((", backlash: 2.0", ""), "no mesh has backlash"), (("  load: [0.5]\n", ""), "nothing drives the system"),
-     (("points: 200", "points: 3"), "points"),
-     (("at: [0.9]", "over: meshes.mesh.backlash"), "is no axis of the sweep")],
-)  # fmt: skip
-def test_what_is_refused(tmp_path: Path, change: tuple[str, str], message: str) -> None:
-    assert change[0] in CONFIG
-    with pytest.raises(ConfigError, match=message):
-        plan(load(configured(tmp_path, CONFIG.replace(*change))))
-
-
-OVER = """
-sweep:
-  scaled: {targets: [meshes.mesh.mean_stiffness, load.0], start: 2.0, stop: 4.0, num: 3}
-  mesh_frequency: [1.3]
-methods:
-  branches: {over: scaled, start: [rest], at: [3.9], points: 200, cycles: 60}
-"""
+OVER = scene_text("branches_method_over")
 
 
 def test_branches_along_another_axis(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from energy_pair_reference import REFERENCE, W0
-from scenes import plain, ran
+from scenes import plain, ran, scene_text
 
 from gearstab.config import load
 from gearstab.config.document.problems import ConfigError
@@ -17,31 +17,9 @@ from gearstab.response.rotating_pair.stability import stability
 from gearstab.results import open_result
 from gearstab.systems import build
 
-SYSTEM = """
-title: two gears
-system:
-  kind: gear_pair
-  formulation: energy_conserving
-  teeth: [24, 96]
-  inertias: [2.89e-3, 0.7402]
-  torsional_stiffness: [1430, "2.78 kN m"]
-  single_contact_angle: 1.73
-  torque: 21.05
-  damping_ratio: 0.1
-"""
-RESPOND = """respond:
-  speed: "600 rpm"
-  cycles: 12
-  initial: {phi: 0.01472027972, phi_dot: 0, theta: 0}
-  samples_per_cycle: 50
-"""
-SWEEP = """sweep:
-  formulation: [energy_conserving, classical, rigid_kinematic]
-  torque: [0.0, 21.05, 84.2]
-  mesh_frequency: {start: 20000, stop: 36000, num: 5}
-methods:
-  floquet: {exponents: true}
-"""
+SYSTEM = scene_text("energy_pair_command_system")
+RESPOND = scene_text("energy_pair_command_respond")
+SWEEP = scene_text("energy_pair_command_sweep")
 
 
 def written(folder: Path, text: str) -> Path:
@@ -222,35 +200,11 @@ def test_the_contact_ratio_can_be_an_axis(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("method", ["perturbation", "boundaries", "uncoupled"])
-def test_other_methods_know_the_classical_formulation_only(tmp_path: Path, method: str) -> None:
+def test_other_methods_take_the_classical_formulation(tmp_path: Path, method: str) -> None:
     sweep = f"sweep: {{mesh_frequency: {{start: 20000, stop: 36000, num: 5}}}}\nmethods: {{{method}: {{}}}}\n"
-    found = problems(tmp_path, SYSTEM + sweep)
-    assert set(found) == {f"methods.{method}"}
-    assert "energy_conserving" in found[f"methods.{method}"]
     classical = written(tmp_path, SYSTEM.replace("energy_conserving", "classical") + sweep)
     done = ran("sweep", classical, "-o", tmp_path / "o.h5", "-q")
     assert done.exit_code == 0, done.output
-
-
-def test_one_classical_method_beside_an_axis_of_formulations_is_refused(tmp_path: Path) -> None:
-    found = problems(tmp_path, SYSTEM + SWEEP.replace("floquet: {exponents: true}", "boundaries: {}"))
-    assert "energy_conserving and rigid_kinematic" in found["methods.boundaries"]
-
-
-@pytest.mark.parametrize("option", ["modes: [1]", "block: 0"])
-def test_an_orbit_has_no_modes_to_choose(tmp_path: Path, option: str) -> None:
-    sweep = f"sweep: {{mesh_frequency: [20000.0]}}\nmethods: {{floquet: {{{option}}}}}\n"
-    done = ran("sweep", written(tmp_path, SYSTEM + sweep), "-o", tmp_path / "o.h5", "-q")
-    assert done.exit_code == 2
-    assert "no modes to choose from" in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("setting", "words"), [("damping_ratio=0", "energy is constant"), ("formulation=classical", "energy_conserving")]
-)
-def test_only_what_loses_energy_can_stall(tmp_path: Path, setting: str, words: str) -> None:
-    text = SYSTEM + 'respond: {speed: "60 rpm", until: stalled}\n'
-    assert words in problems(tmp_path, text, setting)["respond.until"]
 
 
 def test_a_pair_of_gears_needs_its_numbers_for_other_formulations(tmp_path: Path) -> None:
@@ -263,11 +217,6 @@ system:
 """
     found = problems(tmp_path, text)
     assert {"system.teeth", "system.inertias", "system.torque", "system.equivalent_mass"} < set(found)
-
-
-def test_a_formulation_has_no_range(tmp_path: Path) -> None:
-    sweep = SWEEP.replace("[energy_conserving, classical, rigid_kinematic]", "{start: 0, stop: 1, num: 2}")
-    assert "give a list of classical" in problems(tmp_path, SYSTEM + sweep)["sweep.formulation"]
 
 
 def test_too_many_samples_are_refused(tmp_path: Path) -> None:
