@@ -78,7 +78,7 @@ def shape_conflicts(mesh: Any, complete: bool = True) -> Iterator[Conflict]:
         return
     yield from within(mesh, "waveform", lambda section: _conflicts(wave, section))
     if ratio is None and wave.has_contact_ratio and complete:
-        description = descriptions(type(mesh))["contact_ratio"].rstrip(".")
+        description = descriptions(mesh.__class__)["contact_ratio"].rstrip(".")
         yield ("contact_ratio",), "missing", "is missing", f"add contact_ratio: {description}"
     elif ratio is not None and not wave.has_contact_ratio and not wave.of_teeth:
         hint = "remove it, or choose another waveform"
