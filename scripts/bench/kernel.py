@@ -21,7 +21,7 @@ from bench.others import expm_product, integrate, numpy_eigenvalues
 from gearstab import ckernel
 from gearstab.floquet import solve
 from gearstab.floquet.kernel import c_kernel, damped
-from gearstab.floquet.kernel.invariants import DOUBTFUL
+from gearstab.floquet.kernel.decision import DOUBTFUL
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.system import GearSystem
 
