@@ -16,7 +16,7 @@ int gearstab_stopped(void);
 enum verdict { UNSTABLE = 0, STABLE = 1, DOUBTFUL = 2 };
 
 /* Thresholds that decide verdicts; Python gives them: edge, discriminant and growth noise and the largest coefficient
-   of invariants.py, and c_kernel.LARGE. */
+   of decision.py, and c_kernel.LARGE. */
 struct limits {
     double edge, discriminant, growth, coefficient, large;
 };

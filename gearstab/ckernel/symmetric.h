@@ -103,17 +103,15 @@ static int symmetric(int64_t first, int64_t last, int64_t n, const double *matri
     vec *v = a + n * n, *work = v + n * n;
     for (int64_t k = first; k < last && !gearstab_stopped(); k += LANES) {
         int64_t count = last - k < LANES ? last - k : LANES;
-        for (int64_t lane = 0; lane < LANES; lane++)
-            for (int64_t i = 0; i < n * n; i++)
-                a[i][lane] = matrix[(k + (lane < count ? lane : 0)) * n * n + i];
+        mask known = load_matrices(a, n, matrix + k * n * n, count);
         jacobi(a, v, n);
         orthonormalise(v, n, work);
         sort_by_value(a, v, n);
         for (int64_t lane = 0; lane < count; lane++) {
             for (int64_t i = 0; i < n; i++)
-                values[(k + lane) * n + i] = a[i * (n + 1)][lane];
+                values[(k + lane) * n + i] = known[lane] ? a[i * (n + 1)][lane] : NAN;
             for (int64_t i = 0; i < n * n; i++)
-                vectors_[(k + lane) * n * n + i] = v[i][lane];
+                vectors_[(k + lane) * n * n + i] = known[lane] ? v[i][lane] : NAN;
         }
     }
     free(memory);

@@ -1,6 +1,6 @@
 """Floquet analysis of systems of which only the mesh stiffness varies, block by block, in the modes of the mean system.
 
-Points are decided as :mod:`~gearstab.floquet.kernel.invariants` and :mod:`~gearstab.floquet.kernel.decision` say.
+Points are decided as :mod:`~gearstab.floquet.kernel.decision` says.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped, decision, factors
-from gearstab.floquet.kernel.invariants import STABLE
+from gearstab.floquet.kernel.decision import STABLE
 from gearstab.floquet.segments.blocks import Block
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, empty, mark_failed

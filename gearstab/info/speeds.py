@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def common_period(system: GearSystem) -> dict[str, Any] | None:
     """Describe the common period of all meshes; None where there is none."""
-    from gearstab.floquet.frequencies import period as periods
+    from gearstab.floquet.frequencies import choice as periods
 
     period = periods.common_period(system)
     if period is None:

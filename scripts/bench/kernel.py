@@ -21,7 +21,7 @@ from bench.others import expm_product, integrate, numpy_eigenvalues
 from gearstab import ckernel
 from gearstab.floquet import solve
 from gearstab.floquet.kernel import c_kernel, damped
-from gearstab.floquet.kernel.invariants import DOUBTFUL
+from gearstab.floquet.kernel.decision import DOUBTFUL
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.system import GearSystem
 
@@ -165,7 +165,7 @@ def many_coordinates(rounds: int) -> None:
     omega = np.linspace(0.4, 5, 64) / pattern.elastic.rate[0]
     ways = [
         Way("compiled, all multipliers", 64, lambda: c_kernel.log_multipliers(pattern, omega[None], np.inf)),
-        Way("NumPy product + eigvals", 16, lambda: numpy_eigenvalues(pattern, omega[::4]), 4),
+        Way("NumPy product + eigvals", 16, lambda: numpy_eigenvalues(pattern, omega[::4]), 12),
         Way("DOP853, broken at the jumps", 1, lambda: integrate(pattern, omega[31:32]), 40),
     ]
     compare(f"n = 33, five meshes, {len(pattern.states)} segments", ways, max(3, rounds // 3))

@@ -17,7 +17,7 @@ from systems import pair, two_stage
 
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.kernel import c_kernel, damped, decision, factors
-from gearstab.floquet.kernel.invariants import growth_of
+from gearstab.floquet.kernel.decision import growth_of
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes

@@ -15,8 +15,8 @@ from systems import KINDS, chain, damped_patterns, patterns, system, two_stage
 
 from gearstab import ckernel
 from gearstab.floquet import STATUS_FLAGS, solve
-from gearstab.floquet.kernel import c_kernel, invariants, threads
-from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, UNSTABLE
+from gearstab.floquet.kernel import c_kernel, decision, threads
+from gearstab.floquet.kernel.decision import DOUBTFUL, STABLE, UNSTABLE
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.mesh import Mesh
 from gearstab.system import GearSystem
@@ -56,10 +56,10 @@ def on_a_threshold(pattern, row, omega):
     powers = np.arange(len(s) + 1)[::-1]
     coefficients = np.concatenate([np.ones((1, s.shape[1])), s * (-1.0) ** np.arange(1, len(s) + 1)[:, None]])
     edges = [np.abs((2.0 * sign) ** powers @ coefficients) / size for sign in (1, -1)]
-    ratios = [edge / invariants.EDGE_NOISE for edge in edges] + [size / invariants.LARGEST]
+    ratios = [edge / decision.EDGE_NOISE for edge in edges] + [size / decision.LARGEST]
     if len(s) > 1:
         discriminant = np.abs(numpy_kernel.scaled_discriminant(s))
-        ratios += [discriminant / invariants.DISCRIMINANT_NOISE, discriminant / invariants.GROWTH_NOISE]
+        ratios += [discriminant / decision.DISCRIMINANT_NOISE, discriminant / decision.GROWTH_NOISE]
     return (np.abs(np.log2(np.array(ratios))) < 1).any(axis=0) | (scale > 0)
 
 
@@ -82,7 +82,7 @@ def test_thresholds_are_those_of_numpy(monkeypatch):
     count = 0
     monkeypatch.setattr(c_kernel, "LIMITS", (*(1e6 * np.array(c_kernel.LIMITS[:3])), *c_kernel.LIMITS[3:]))
     for name in ("EDGE_NOISE", "DISCRIMINANT_NOISE", "GROWTH_NOISE"):
-        monkeypatch.setattr(invariants, name, 1.5e6 * getattr(invariants, name))
+        monkeypatch.setattr(decision, name, 1.5e6 * getattr(decision, name))
     for n in (1, 2, 3):
         for pattern, omega in patterns(system(n, "generic", 0), 2003):
             count += differ_on_thresholds(

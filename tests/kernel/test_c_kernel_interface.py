@@ -9,7 +9,7 @@ from systems import patterns, system
 
 from gearstab import ckernel
 from gearstab.floquet.kernel import c_kernel
-from gearstab.floquet.kernel.invariants import DOUBTFUL
+from gearstab.floquet.kernel.decision import DOUBTFUL
 from gearstab.grouping import equal_rows
 
 

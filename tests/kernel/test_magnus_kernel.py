@@ -10,7 +10,7 @@ from systems import SMOOTH_OMEGA, SMOOTH_SYSTEMS, WAVE, smooth_train, with_ramps
 
 from gearstab import ckernel
 from gearstab.floquet.kernel import c_kernel
-from gearstab.floquet.kernel.invariants import DOUBTFUL
+from gearstab.floquet.kernel.decision import DOUBTFUL
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.floquet.smooth import compare, steps
 from gearstab.floquet.smooth.schemes import CF6_5

@@ -14,7 +14,7 @@ from systems import KINDS, damped_patterns, patterns, system, two_stage
 
 from gearstab import ckernel
 from gearstab.floquet.kernel import c_kernel, threads
-from gearstab.floquet.kernel.invariants import DOUBTFUL, UNSTABLE
+from gearstab.floquet.kernel.decision import DOUBTFUL, UNSTABLE
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import Array
 from gearstab.systems import build

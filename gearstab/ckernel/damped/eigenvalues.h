@@ -11,9 +11,7 @@ static int eigenvalues(int64_t first, int64_t last, int64_t m, const double *mat
     vec *real = x + m * m, *imaginary = real + m, *work = imaginary + m;
     for (int64_t k = first; k < last && !gearstab_stopped(); k += LANES) {
         int64_t count = last - k < LANES ? last - k : LANES;
-        int known[LANES];
-        for (int64_t lane = 0; lane < LANES; lane++)
-            known[lane] = load_matrix(x, m, matrix + (k + (lane < count ? lane : 0)) * m * m, lane);
+        mask known = load_matrices(x, m, matrix + k * m * m, count);
         reduce_to_hessenberg(x, m, work);
         hessenberg_eigenvalues(x, m, real, imaginary);
         for (int64_t lane = 0; lane < count; lane++)

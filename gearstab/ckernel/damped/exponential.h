@@ -7,14 +7,18 @@
 
 enum { MOST_HALVINGS = 1000, LONG = 9 /* halvings from which on a square may overflow, or what decays vanish */ };
 
-/* Put a matrix (m, m) into a lane of x, or zeros where it is not finite; returns whether it is. */
-INLINE int load_matrix(vec *x, int64_t m, const double *matrix, int64_t lane) {
-    int known = 1;
+/* Lay matrices (count, m, m) side by side, the first once more in lanes that have none, zeros for one that is not finite.
+   Returns the lanes of finite ones. */
+INLINE mask load_matrices(vec *x, int64_t m, const double *matrix, int64_t count) {
+    mask finite = ~(mask){0};
+    for (int64_t lane = 0; lane < LANES; lane++)
+        for (int64_t i = 0; i < m * m; i++)
+            x[i][lane] = matrix[(lane < count ? lane : 0) * m * m + i];
     for (int64_t i = 0; i < m * m; i++)
-        known &= isfinite(matrix[i]) != 0;
+        finite &= x[i] - x[i] == 0.0;
     for (int64_t i = 0; i < m * m; i++)
-        x[i][lane] = known ? matrix[i] : 0.0;
-    return known;
+        x[i] = choose(finite, x[i], all(0.0));
+    return finite;
 }
 
 /* result = x y for matrices of vectors. */
@@ -117,9 +121,7 @@ static int exponentials(int64_t first, int64_t last, int64_t m, const double *ma
     vec *e = a + m * m, *work = e + m * m;
     for (int64_t k = first; k < last && !gearstab_stopped(); k += LANES) {
         int64_t count = last - k < LANES ? last - k : LANES;
-        int known[LANES];
-        for (int64_t lane = 0; lane < LANES; lane++)
-            known[lane] = load_matrix(a, m, matrix + (k + (lane < count ? lane : 0)) * m * m, lane);
+        mask known = load_matrices(a, m, matrix + k * m * m, count);
         vec exponent = matrix_exponential(a, m, e, work) / LOG_TWO;
         for (int64_t lane = 0; lane < count; lane++)
             for (int64_t i = 0; i < m * m; i++)

@@ -332,9 +332,13 @@ INLINE void rising(const struct piece *piece, int64_t m, const vec *form, vec *r
     for (int64_t k = 0; k < m; k++)
         UNROLLED for (int64_t i = 0; i < m; i++) {
             const vec *at = form + k * m + i;
+            vec *to = rise + k * m + i;
             double a = piece->decay[i], b = piece->frequency[i];
-            /* Of a pair, b is positive at its first member and negative at its second. */
-            rise[k * m + i] = b == 0 ? a * at[0] : a * at[0] - b * at[b > 0 ? 1 : -1];
+            to[0] = a * at[0];
+            if (b == 0)
+                continue;
+            to[0] -= b * at[1], to[1] = a * at[1] + b * at[0];
+            i++;
         }
     for (int64_t i = 0; i < m; i++)
         for (int64_t j = 0; j <= i; j++)
@@ -374,6 +378,8 @@ INLINE vec pieces_of(const double *decay, int64_t m, double fraction, vec period
     for (int64_t i = 0; i < m; i++)
         fastest = fabs(decay[i]) > fastest ? fabs(decay[i]) : fastest;
     vec wanted = 2.0 * fastest * fabs(TURN * fraction) * period / settings->longest;
+    if (!any(wanted > 1.0))
+        return all(1.0);
     for (int lane = 0; lane < LANES; lane++)
         wanted[lane] = wanted[lane] > 1.0 ? ceil(fmin(wanted[lane], settings->pieces)) : 1.0;
     return wanted;
@@ -413,17 +419,16 @@ INLINE void backwards(const struct damped *pattern, const double *weight, int64_
             }
             both_turned(piece.frequency, m, cosine + m, sine + m, p);
             vec length = magnitude(piece.duration), factor = exponential(rate * length);
-            if (radius)
-                for (int64_t i = 0; i < m * m; i++)
-                    room->before[i] = p[i];
-            else
-                columns_turned(piece.frequency, m, cosine + m, sine + m, x);
-            for (int64_t i = 0; i < m * m; i++) {
+            for (int64_t i = 0; radius && i < m * m; i++)
+                room->before[i] = p[i];
+            for (int64_t i = 0; i < m * m; i++)
                 p[i] = factor * factor * p[i] + length * added[i];
-                x[i] = x[i] * factor;
-            }
-            if (!radius)
+            if (!radius) {
+                columns_turned(piece.frequency, m, cosine + m, sine + m, x);
+                for (int64_t i = 0; i < m * m; i++)
+                    x[i] = x[i] * factor;
                 continue;
+            }
             if (s == 0 && k == 0) /* the period before begins here */
                 for (int64_t i = 0; i < m * m; i++)
                     p[i] = room->start[i];

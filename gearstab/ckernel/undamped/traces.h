@@ -1,6 +1,6 @@
 /* rho = lambda + 1/lambda of a symplectic M from W = M + M^-1 = [[E, F], [G, E^T]], F and G skew.
 
-   The rules are those of invariants.py, to which the comments there apply; the thresholds come from there. */
+   The rules are those of decision.py, to which the comments there apply; the thresholds come from there. */
 
 #ifndef GEARSTAB_TRACES_H
 #define GEARSTAB_TRACES_H

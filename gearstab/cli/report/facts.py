@@ -19,8 +19,7 @@ from gearstab.floquet.boundaries.damped.proof import MODULI
 from gearstab.floquet.boundaries.damped.search import COARSEST, PURSUIT
 from gearstab.floquet.boundaries.solve import BUDGET
 from gearstab.floquet.dispatch import in_modes, reduction
-from gearstab.floquet.frequencies.choice import Strategy
-from gearstab.floquet.frequencies.period import AFFORDABLE, common_period
+from gearstab.floquet.frequencies.choice import AFFORDABLE, Strategy, common_period
 from gearstab.floquet.general.whirl import whirl_motions
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged

@@ -20,8 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gearstab.floquet.frequencies.propagation import growths
-from gearstab.floquet.frequencies.smooth import windows
+from gearstab.floquet.frequencies.propagation import growths, windows
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import Pattern, window
@@ -68,7 +67,7 @@ def solve(
     seed: of the start vectors.
 
     Stiffness that is not piecewise constant is cut into Magnus steps, twice as many again and again until the results
-    agree within the interval, of which their difference is a part (:mod:`~gearstab.floquet.frequencies.smooth`).
+    agree within the interval, of which their difference is a part (:mod:`~gearstab.floquet.frequencies.propagation`).
 
     Raises ValueError for a system that has periodic terms besides its meshes.
     """

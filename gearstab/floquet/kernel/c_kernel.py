@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from gearstab import ckernel
+from gearstab.floquet.kernel import decision
 from gearstab.floquet.kernel import factors as left
-from gearstab.floquet.kernel import invariants
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.threads import in_threads
 from gearstab.floquet.segments.pattern import Pattern, Succession
@@ -32,7 +32,7 @@ LANES = 8
 LARGE = 2.0**200
 """Entries above this are scaled down, so that a product of any length stays finite."""
 LIMITS = (
-    invariants.EDGE_NOISE, invariants.DISCRIMINANT_NOISE, invariants.GROWTH_NOISE, invariants.LARGEST, LARGE,
+    decision.EDGE_NOISE, decision.DISCRIMINANT_NOISE, decision.GROWTH_NOISE, decision.LARGEST, LARGE,
 )  # fmt: skip
 """Thresholds of verdicts: ``struct limits`` of kernel.h."""
 FITTED = (4, 6)

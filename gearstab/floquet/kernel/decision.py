@@ -1,4 +1,9 @@
-"""The last word on points that the fast pass leaves in doubt, and on systems of more than three coordinates.
+"""Stable, unstable or doubtful: verdicts on conservative systems, from a polynomial or from the monodromy matrix.
+
+For n <= 3 no eigenvalue solver is needed. A conservative system is stable when all roots rho = lambda + 1/lambda of
+p(x) = x^n - s1 x^(n-1) + ... are real and in (-2, 2). That is a matter of signs: of the discriminant, and of p and its
+derivatives at +-2. Where a sign rests on rounding errors the point is *doubtful*; :func:`conservative` has the last
+word on it, and on systems of more coordinates.
 
 A multiplier of a conservative system that is off the unit circle by a rounding error may be truly unstable (two
 multipliers of opposite Krein signature have met) or a harmless multiple one (eps = 0 on a collision, identical twin
@@ -20,6 +25,18 @@ import numpy as np
 
 from gearstab.system import Array
 
+UNSTABLE, STABLE, DOUBTFUL = 0, 1, 2
+
+DISCRIMINANT_NOISE = 3e-10
+"""Scaled discriminants below this may have the wrong sign: products of up to 16 segments leave 1e-14 on the
+coefficients, and a discriminant is of sixth degree in roots of size 2."""
+EDGE_NOISE = 3e-12
+"""The same for p(+-2)."""
+GROWTH_NOISE = 1e-6
+"""Below this scaled discriminant the closed form of a root loses more than 1e-13; unstable points are recomputed."""
+LARGEST = 1e120
+"""Coefficients above this are left to the eigenvalue solver: products of them would overflow."""
+
 ON_CIRCLE = 1e-12
 OFF_CIRCLE = 1e-5
 CLUSTER = 20.0
@@ -27,6 +44,11 @@ CLUSTER = 20.0
 DEFINITE = 1e-5
 """Relative size below which an eigenvalue of the Krein form counts as zero; a defective double multiplier perturbed
 by 1e-14 has a form of about its square root, 1e-7."""
+
+
+def growth_of(rho: Array) -> Array:
+    """ln max |lambda| ``(P,)`` from rho ``(n, P)``: lambda = exp(g + i theta) has rho/2 = cosh(g + i theta)."""
+    return np.abs(np.arccosh(0.5 * rho).real).max(axis=0)
 
 
 def conservative(m: Array) -> tuple[Array, Array, Array]:

@@ -17,7 +17,7 @@ from gearstab.ckernel import eigenvalues
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.kernel.damped import Generators
-from gearstab.floquet.kernel.invariants import DOUBTFUL, growth_of
+from gearstab.floquet.kernel.decision import DOUBTFUL, growth_of
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.solution import pieces
 from gearstab.system import Array

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gearstab.floquet.kernel.damped import generators
-from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE
+from gearstab.floquet.kernel.decision import DOUBTFUL, STABLE
 from gearstab.floquet.segments.blocks import Block, split, whole
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.floquet.smooth.compare import rounding

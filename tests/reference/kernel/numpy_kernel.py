@@ -1,6 +1,6 @@
 """Functions of patterns in the compiled kernel, in NumPy: short, clear and slow.
 
-The mathematics stands in gearstab/floquet/kernel/c_kernel.py and invariants.py.
+The mathematics stands in gearstab/floquet/kernel/c_kernel.py and decision.py.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ import numpy as np
 import orthogonal_iteration
 from scipy.linalg import expm
 
-from gearstab.floquet.kernel import decision, factors, invariants
+from gearstab.floquet.kernel import decision, factors
 from gearstab.floquet.kernel.damped import Generators, exponential
+from gearstab.floquet.kernel.decision import DOUBTFUL, STABLE, UNSTABLE, growth_of
 from gearstab.floquet.kernel.factors import rotation
-from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, UNSTABLE, growth_of
 from gearstab.floquet.segments.pattern import Pattern, Succession, prepare
 from gearstab.system import Array, GearSystem
 
@@ -78,14 +78,14 @@ def classify(s: Array) -> Array:
         size = np.maximum(1.0, np.abs(s).max(axis=0) / 3.0)
         edges = np.stack([_taylor(s, 2.0)[0], _taylor(s, -2.0)[0]])
         inside = _inside(s)
-        doubtful = np.abs(edges).min(axis=0) < invariants.EDGE_NOISE * size
+        doubtful = np.abs(edges).min(axis=0) < decision.EDGE_NOISE * size
         if n > 1:
             discriminant = scaled_discriminant(s)
             inside &= discriminant > 0
-            doubtful |= np.abs(discriminant) < invariants.DISCRIMINANT_NOISE
-            near = np.abs(discriminant) < invariants.GROWTH_NOISE
+            doubtful |= np.abs(discriminant) < decision.DISCRIMINANT_NOISE
+            near = np.abs(discriminant) < decision.GROWTH_NOISE
             doubtful |= near & ~inside
-        doubtful |= ~(size < invariants.LARGEST)
+        doubtful |= ~(size < decision.LARGEST)
     return np.where(doubtful, DOUBTFUL, np.where(inside, STABLE, UNSTABLE)).astype(np.int8)
 
 
