@@ -27,7 +27,7 @@ from gearstab.results.hdf5 import LEVEL, compress
 from gearstab.sweep.compute import taken_over
 from gearstab.sweep.layout import GridBlock
 from gearstab.sweep.plan import Plan
-from gearstab.sweep.pool import ONE_THREAD, Executor, Failure, Result, attempt, interrupts_later
+from gearstab.sweep.pool import ONE_THREAD, Executor, Failure, Result, attempt, interrupts_later, start_trackers
 from gearstab.sweep.progress import Reporter
 from gearstab.sweep.storage.store import Store
 from gearstab.version import __version__
@@ -105,10 +105,12 @@ def connected(address: str, jobs: int, reporter: Reporter) -> Iterator[Executor]
 def _own_cluster(jobs: int) -> Iterator[Any]:
     """Start a scheduler and workers of one thread each here, which interrupts from a terminal do not reach."""
     from importlib.util import find_spec
+    from multiprocessing import resource_tracker
 
     import dask
     import distributed
 
+    start_trackers(resource_tracker)
     dashboard = "127.0.0.1:0" if find_spec("bokeh") else None
     with dask.config.set(SETTINGS):
         with interrupts_later():
