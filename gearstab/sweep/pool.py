@@ -85,7 +85,8 @@ def run_blocks(
     if threads:
         yield from _in_threads(plan, rest, jobs)
     else:
-        store.open_folder()
+        store.take()
+        store.flush()
         yield from _in_processes(plan, rest, store, jobs)
 
 
