@@ -63,14 +63,16 @@ def ramp_summary(found: RampResponse, out: Path) -> str:
     """Summarise a run-up or coast-down: where each mesh force is largest."""
     import numpy as np
 
+    from gearstab.response import RESPONSE_FLAGS
+
     first, last = found.mesh_frequency[[0, -1]]
     lines = [f"response: {out}: {len(found.time):,} samples, mesh frequency {first:.6g} to {last:.6g}"]
     at = np.abs(found.mesh_force).argmax(axis=0)
     peaks = [f"{abs(found.mesh_force[k, i]):.4g} at {found.mesh_frequency[k]:.4g}" for i, k in enumerate(at)]
     lines.append(f"largest mesh forces and mesh frequencies there: {', '.join(peaks)}")
-    if found.overflowed:
+    if found.flags & RESPONSE_FLAGS["overflow"]:
         lines.append("warning: the response outgrew double precision there; the history ends")
-    return "\n".join(lines + [f"note: {NOTES['separation']}"] * found.separated)
+    return "\n".join(lines + [f"note: {NOTES['separation']}"] * bool(found.flags & RESPONSE_FLAGS["separation"]))
 
 
 NOTES = {

@@ -10,7 +10,7 @@ import numpy as np
 
 from gearstab.config import Axis, Config
 from gearstab.config.document.tree import value_at
-from gearstab.config.sections.design import Design, DesignVariable, SpeedRange
+from gearstab.config.sections.design import Design, DesignVariable
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.errors import NotPossible
 from gearstab.support import whirls
@@ -135,14 +135,11 @@ class DesignProblem:
 
     def spans(self, p: System) -> tuple[Span, ...]:
         """The operating ranges in the mesh frequency; of an input speed they go with the teeth."""
-        return tuple(self._span(item, p) for item in self.design.ranges)
-
-    @staticmethod
-    def _span(item: SpeedRange, p: System) -> Span:
-        factor = 1.0
-        if item.of == INPUT_SPEED:
-            factor = float(p.cycles_of_input() or 1.0)
-        return Span(item.low * factor, item.high * factor, item.weight, factor)
+        found = []
+        for item in self.design.ranges:
+            factor = float(p.cycles_of_input() or 1.0) if item.of == INPUT_SPEED else 1.0
+            found.append(Span(item.low * factor, item.high * factor, item.weight, factor))
+        return tuple(found)
 
     @cached_property
     def given_places(self) -> Array:

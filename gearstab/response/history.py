@@ -223,16 +223,6 @@ class RampResponse:
     mesh_force: Array
     flags: int
 
-    @property
-    def overflowed(self) -> bool:
-        """Whether the history ends because it outgrew double precision."""
-        return bool(self.flags & RESPONSE_FLAGS["overflow"])
-
-    @property
-    def separated(self) -> bool:
-        """Whether the force of a loaded mesh changes its sign, where teeth would part."""
-        return bool(self.flags & RESPONSE_FLAGS["separation"])
-
 
 def equation_of(system: GearSystem) -> PhaseEquation:
     """Return the equation of a single driven system. Raises NotPossible as :func:`.steady.check_held` does."""

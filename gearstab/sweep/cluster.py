@@ -27,7 +27,7 @@ from gearstab.results.hdf5 import LEVEL, compress
 from gearstab.sweep.compute import taken_over
 from gearstab.sweep.layout import GridBlock
 from gearstab.sweep.plan import Plan
-from gearstab.sweep.pool import ONE_THREAD, Executor, Failure, Result, attempt, interrupts_later
+from gearstab.sweep.pool import ONE_THREAD, Executor, Failure, Result, attempt, interrupts_later, start_trackers
 from gearstab.sweep.progress import Reporter
 from gearstab.sweep.storage.store import Store
 from gearstab.version import __version__
@@ -53,20 +53,9 @@ WINDOW = 2
 """Blocks in flight for each thread of the workers: one that is computed and one that waits."""
 
 
-@dataclass(frozen=True)
-class About:
-    """Versions that must be the same on all machines for their numbers to be: versions of gearstab and NumPy."""
-
-    version: str
-    numpy: str
-
-    def __str__(self) -> str:
-        return f"gearstab {self.version}, NumPy {self.numpy}"
-
-
-def about() -> About:
-    """Return what is installed in this process."""
-    return About(__version__, np.__version__)
+def about() -> str:
+    """Return the versions that must be the same on all machines for their numbers to be."""
+    return f"gearstab {__version__}, NumPy {np.__version__}"
 
 
 @contextmanager
@@ -105,10 +94,12 @@ def connected(address: str, jobs: int, reporter: Reporter) -> Iterator[Executor]
 def _own_cluster(jobs: int) -> Iterator[Any]:
     """Start a scheduler and workers of one thread each here, which interrupts from a terminal do not reach."""
     from importlib.util import find_spec
+    from multiprocessing import resource_tracker
 
     import dask
     import distributed
 
+    start_trackers(resource_tracker)
     dashboard = "127.0.0.1:0" if find_spec("bokeh") else None
     with dask.config.set(SETTINGS):
         with interrupts_later():
@@ -125,11 +116,11 @@ def _refuse_foreign(client: Any) -> None:
     mine = about()
     for worker, found in client.run(about, on_error="return").items():
         if found != mine:
-            has = found if isinstance(found, About) else f"no gearstab that works like this one ({found})"
+            has = found if isinstance(found, str) else f"no gearstab that works like this one ({found})"
             raise SweepError(_foreign(worker, has, mine))
 
 
-def _foreign(worker: str, has: object, mine: About) -> str:
+def _foreign(worker: str, has: str, mine: str) -> str:
     return f"worker {worker} has {one_line(has)}; this process has {mine}: install the same on all"
 
 
@@ -223,7 +214,7 @@ def _packed(plan: Plan, block: GridBlock) -> bytes | None:
     return None if taken is None else bytes(compress(pickle.dumps(taken), LEVEL))
 
 
-def _work(plan: bytes, block: GridBlock, expected: About, taken: bytes | None) -> Result | str:
+def _work(plan: bytes, block: GridBlock, expected: str, taken: bytes | None) -> Result | str:
     """On a worker: compute a block; where it joined late and is another program, say so."""
     mine = about()
     if mine != expected:

@@ -85,7 +85,8 @@ def run_blocks(
     if threads:
         yield from _in_threads(plan, rest, jobs)
     else:
-        store.open_folder()
+        store.take()
+        store.flush()
         yield from _in_processes(plan, rest, store, jobs)
 
 
@@ -153,10 +154,7 @@ def _pooled(
     from joblib.externals.loky.backend import resource_tracker
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
-    # Started later, these would let interrupts through.
-    with _quiet_trackers():
-        resource_tracker.ensure_running()
-        multiprocessing.resource_tracker.ensure_running()
+    start_trackers(resource_tracker, multiprocessing.resource_tracker)
     waiting = iter(blocks)
     running: set[Future[FinishedBlock | Failure]] = set()
     with interrupts_later():
@@ -194,17 +192,18 @@ def _wake() -> None:
                     os.kill(child.pid, signal.SIGCONT)
 
 
-@contextmanager
-def _quiet_trackers() -> Iterator[None]:
-    """Let the processes that clean up after a killed sweep do so without a word.
+def start_trackers(*trackers: Any) -> None:
+    """Start the processes that clean up after a killed sweep, such that they do so without a word.
 
-    They outlive it, and would warn of every semaphore that it left to them, in the middle of what comes next.
+    They outlive it, and would warn of every semaphore that it left to them, in the middle of what comes next. Started
+    later, within :func:`interrupts_later`, they would let interrupts through.
     """
     before = os.environ.get(WARNINGS)
     quiet = [f"ignore:resource_tracker:UserWarning:{module}" for module in TRACKERS]
     os.environ[WARNINGS] = ",".join([*([before] if before else []), *quiet])
     try:
-        yield
+        for tracker in trackers:
+            tracker.ensure_running()
     finally:
         os.environ.pop(WARNINGS)
         if before is not None:

@@ -231,3 +231,20 @@ def test_without_the_package(
     (tmp_path / "train.yaml").write_text(CONFIG)
     assert code("sweep", str(tmp_path / "train.yaml"), "-o", str(tmp_path / "o.h5"), "--scheduler", "local") == 2
     assert capsys.readouterr().err.endswith("pip install 'gearstab[cluster]'\n")
+
+
+LOOK_AT_WORKERS = """
+import signal
+from distributed import Client
+from gearstab.sweep.cluster import _own_cluster
+if __name__ == "__main__":
+    with _own_cluster(1) as cluster, Client(cluster) as client:
+        (held,) = client.run(signal.pthread_sigmask, signal.SIG_BLOCK, []).values()
+    print(signal.SIGINT in held)
+"""
+
+
+def test_an_interrupt_from_a_terminal_does_not_reach_workers_of_our_own() -> None:
+    """In a process that started nothing before: what cleans up after others would let interrupts through."""
+    done = subprocess.run([sys.executable, "-c", LOOK_AT_WORKERS], capture_output=True, text=True, check=True)
+    assert done.stdout == "True\n"

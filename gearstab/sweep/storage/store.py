@@ -89,11 +89,6 @@ class Store:
         """Make the folder, and keep others from removing it. Raises OSError."""
         self._hold.take()
 
-    def open_folder(self) -> None:
-        """Make the folder, for other processes to write to, and write what is in memory. Raises OSError."""
-        self.take()
-        self.flush()
-
     def add(self, part: FinishedBlock) -> None:
         """Take a finished block. Raises OSError if it had to be written and could not be."""
         self.blocks[part.key] = part
