@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.boundaries.intervals import Intervals
-from gearstab.floquet.boundaries.names.labels import BAND
+from gearstab.floquet.boundaries.names.labels import BAND, nearest_sum
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.grouping import Columns, numbered
@@ -100,8 +100,10 @@ def _pairs_of(chain: Chain, row: Array, cycle: Array, size: int, most: int) -> W
         weight = _weights(own, each, cycle, motions.left, harmonic) * motions.sign[:, :, None]
     found = _leading(weight, harmonic, motions)
     for k in np.flatnonzero(found.share <= 0):
-        p, q, cycles = _nearest(motions.exponents[k], motions.number[k], chain.cycles * cycle[k])
-        found.p[k], found.q[k], found.cycles[k], found.difference[k] = p, q, cycles, False
+        upper = motions.exponents[k].imag > 0
+        p, q, found.cycles[k] = nearest_sum(motions.exponents[k].imag[upper] * chain.cycles * cycle[k])
+        found.p[k], found.q[k] = motions.number[k][upper][[p, q]]
+        found.difference[k] = False
     by_itself = motions.driven >= 0
     found.p[by_itself] = found.q[by_itself] = motions.driven[by_itself]
     found.cycles[by_itself], found.difference[by_itself], found.share[by_itself] = 0, False, 1.0
@@ -199,14 +201,3 @@ def _leading(weight: Array, harmonic: Array, motions: _SignedMotions) -> WhirlPa
     found = [np.take_along_axis(part, best, 1)[:, 0] for part in (p, q, np.abs(cycles), difference, share, value)]
     low, high = np.minimum(found[0], found[1]), np.maximum(found[0], found[1])
     return WhirlPairs(low, high, found[2], found[3], np.where(np.isfinite(found[5]), found[4], 0.0))
-
-
-def _nearest(exponents: Array, number: Array, time: float) -> tuple[int, int, int]:
-    """(p, q, cycles) of the sum of frequencies that is nearest to a multiple of 1/time."""
-    upper = exponents.imag > 0
-    own, modes = exponents.imag[upper], number[upper]
-    p, q = np.triu_indices(len(own))
-    turns = (own[p] + own[q]) * time
-    cycles = np.maximum(np.rint(turns), 1)
-    best = int(np.argmin(np.round(np.abs(turns / cycles - 1), 6)))
-    return int(modes[p[best]]), int(modes[q[best]]), int(cycles[best])
