@@ -67,18 +67,12 @@ def growth_over_speed(system: GearSystem, found: Boundaries, tolerance: float) -
     rows = []
     for row in range(found.rows):
         own = np.flatnonzero(found.row == row)
-        edges, region = [low], []
-        for k in own[np.argsort(found.lower[own])]:
-            begin, end = max(float(found.lower[k]), edges[-1]), float(found.upper[k])
-            if begin > edges[-1]:
-                edges.append(begin)
-                region.append(-1)
-            edges.append(end)
-            region.append(int(k))
-        if edges[-1] < high:
-            edges.append(high)
-            region.append(-1)
-        rows.append((np.array(edges), np.array(region)))
+        edges = np.unique(np.concatenate([found.limits, found.lower[own], found.upper[own]]))
+        middle = 0.5 * (edges[1:] + edges[:-1])[:, None]
+        k, which = np.nonzero((found.lower[own] < middle) & (middle < found.upper[own]))
+        region = np.full(len(middle), -1)
+        region[k] = own[which]
+        rows.append((edges, region))
     nodes = chebyshev.chebpts1(NODES)
     count = max(len(region) for _, region in rows)
     omega = np.full((len(rows), count, NODES), 0.5 * (low + high))
@@ -115,28 +109,23 @@ def _row(edges: Array, region: Array, omega: Array, rate: Array, nodes: Array) -
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains along a path, pieces in the order of time: e-folds, and when they end. region: as in GrowthOverSpeed."""
+    """Gains along a path, pieces in the order of time, in e-folds. region: as in GrowthOverSpeed."""
 
     region: Array
     gain: Array
     error: Array
-    end: Array
 
     def largest(self) -> tuple[float, int, int]:
         """The largest sum of gains of pieces i to j - 1, and i, j: between any two moments."""
-        best, begin, end, running, since = 0.0, 0, 0, 0.0, 0
-        for k, gain in enumerate(self.gain):
-            if running <= 0:
-                running, since = 0.0, k
-            running += float(gain)
-            if running > best:
-                best, begin, end = running, since, k + 1
-        return best, begin, end
+        total = np.append(0.0, np.cumsum(self.gain))
+        rise = total - np.minimum.accumulate(total)
+        end = int(rise.argmax())
+        return float(rise[end]), int(total[: end + 1].argmin()), end
 
 
 def gains(over: GrowthOverSpeed, path: Path) -> Gains:
     """Follow a path through the intervals of a row."""
-    region, gain, error, end = [], [], [], []
+    region, gain, error = [], [], []
     for k, rate in enumerate(path.rate):
         first, last = float(path.mesh_frequency[k]), float(path.mesh_frequency[k + 1])
         if rate == 0:
@@ -145,7 +134,6 @@ def gains(over: GrowthOverSpeed, path: Path) -> Gains:
             region.append(over.region[place])
             gain.append(over.rate_at(place, first) * duration)
             error.append(0.0)
-            end.append(float(path.time[k + 1]))
             continue
         low, high = min(first, last), max(first, last)
         inner = over.edges[(over.edges > low) & (over.edges < high)]
@@ -156,9 +144,7 @@ def gains(over: GrowthOverSpeed, path: Path) -> Gains:
         region += list(over.region[places][order])
         gain += list(found[order])
         error += list((over.error[places] / abs(rate))[order])
-        ends = stops[1:] if last > first else stops[:-1][::-1]
-        end += list(path.time[k] + (ends - first) / rate)
-    return Gains(np.array(region, dtype=int), np.array(gain), np.array(error), np.array(end))
+    return Gains(np.array(region, dtype=int), np.array(gain), np.array(error))
 
 
 def _interval(over: GrowthOverSpeed, mesh_frequency: float) -> int:

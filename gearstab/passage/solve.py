@@ -149,7 +149,7 @@ def _adiabatic(values: dict[str, Array], row: int, k: int, along: Gains, of_regi
     values["growth_by_tongue"][of_region[along.region[regions]], row, k] = 0.0
     np.add.at(values["growth_by_tongue"][:, row, k], of_region[along.region[regions]], along.gain[regions])
     more = np.where(regions, along.gain + excess(along.gain), along.gain)
-    highest = Gains(along.region, more, along.error, along.end).largest()[0] + jump
+    highest = Gains(along.region, more, along.error).largest()[0] + jump
     lowest = max(float(along.gain[regions].max(initial=0.0)) - jump, 0.0)
     rough = float(along.error[begin:end].sum())
     values["growth_error"][row, k] = max(highest - total, total - lowest) + rough

@@ -86,9 +86,8 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
     modal = modal_rows(system)
     place = {(t.frequency_ratio, t.mode_p - 1, t.mode_q - 1): k for k, t in enumerate(first.index)}
     shape = (len(first.index), len(modal.frequency))
-    nothing = np.full((4, *shape), np.nan)
-    threshold, status = first.threshold.reshape(shape).copy(), np.zeros(shape, dtype=np.int16)
-    found = _Found(np.stack([nothing[0], nothing[1]], axis=1), nothing[2], nothing[3], threshold, status)
+    found = np.full((6, *shape), np.nan)
+    found[4], found[5] = first.threshold.reshape(shape), 0
     chosen = {p - 1 for p in modes} if modes is not None else {p for _, p, _ in place} | {q for _, _, q in place}
     for rows, groups in partitions(modal.frequency):
         kept = [g for g in groups if g[0] in chosen]
@@ -97,47 +96,21 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
             for force in (*excitations(system, harmonics), *more):
                 for alike in _by_shape(pairs):
                     where = np.array([place[float(force.ratio), P[0], Q[0]] for P, Q in alike])
-                    found.put(where, block.members, *block.solve(force, alike, first, where))
-    return found.tongues(first)
+                    own = block.solve(force, alike, first, where)
+                    found[:, where[:, None], block.members] = np.swapaxes(own, 1, 2)
+    lower, upper, half, error, threshold, status = found.reshape(6, *first.center_frequency.shape)
+    boundary = np.stack([lower, upper], axis=1)
+    return replace(
+        first, half_width=half, boundary_frequency=boundary, threshold=threshold,
+        first_order_boundary=first.boundary_frequency, status=status.astype(np.int16),
+        boundary_error=np.where(np.isnan(boundary), np.nan, error[:, None]),
+    )  # fmt: skip
 
 
 def _by_shape(pairs: list[tuple[Group, Group]]) -> list[list[tuple[Group, Group]]]:
     """Pairs of groups by the numbers of their modes."""
     shapes = dict.fromkeys((len(P), len(Q)) for P, Q in pairs)
     return [[(P, Q) for P, Q in pairs if (len(P), len(Q)) == shape] for shape in shapes]
-
-
-@dataclass(frozen=True)
-class _Found:
-    """Results of all tongues and rows."""
-
-    boundary: Array
-    half_width: Array
-    error: Array
-    threshold: Array
-    status: Array
-
-    def put(self, where: Array, rows: Array, boundary: Array, *others: Array) -> None:
-        """All ``(rows, pairs)``, boundary with the side in front; in the order of the fields."""
-        for side in (0, 1):
-            self.boundary[where[:, None], side, rows] = boundary[side].T
-        for whole, part in zip((self.half_width, self.error, self.threshold, self.status), others, strict=True):
-            whole[np.ix_(where, rows)] = part.T
-
-    def tongues(self, first: Tongues) -> Tongues:
-        batch = first.center_frequency.shape[1:]
-        boundary = self.boundary.reshape(len(first.index), 2, *batch)
-        others = (self.half_width, self.error, self.threshold, self.status)
-        half, error, threshold, status = (a.reshape(len(first.index), *batch) for a in others)
-        return replace(
-            first,
-            half_width=half,
-            boundary_frequency=boundary,
-            threshold=threshold,
-            first_order_boundary=first.boundary_frequency,
-            boundary_error=np.where(np.isnan(boundary), np.nan, error[:, None]),
-            status=status,
-        )
 
 
 @dataclass(frozen=True)
@@ -160,8 +133,8 @@ class _Block:
 
     def solve(
         self, force: ParametricExcitation, pairs: list[tuple[Group, Group]], first: Tongues, where: Array
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """Boundaries ``(2, rows, pairs)``, half-widths, errors, thresholds and status ``(rows, pairs)``."""
+    ) -> Array:
+        """Both boundaries, half-widths, errors, thresholds and status ``(6, rows, pairs)``."""
         ratio = float(force.ratio)
         half = first.half_width.reshape(len(first.index), -1)[np.ix_(where, self.members)].T * ratio
         problem, near = self._reduced(force, pairs, half)
@@ -174,12 +147,12 @@ class _Block:
         endless, coincident = np.isinf(sigma[1]), near[1] > near[2]
         closed = np.isnan(sigma[0])
         status = NOT_CONVERGED * (third >= terms) * (terms > 0) + CLOSED * closed + ENDLESS * endless
-        status = (status + COINCIDENT * coincident).astype(np.int16)
+        status = status + COINCIDENT * coincident
         # Not from the boundaries, whose last digits a narrow region would be made of.
         width = np.where(closed, 0.0, 0.5 * (sigma[1] - sigma[0]) / ratio)
         sigma[:, endless | coincident] = np.nan
         width[coincident & ~endless] = np.nan
-        return (root + sigma) / ratio, width, SAFETY * third / ratio, threshold, status
+        return np.stack([*(root + sigma) / ratio, width, SAFETY * third / ratio, threshold, status])
 
     def _reduced(
         self, force: ParametricExcitation, pairs: list[tuple[Group, Group]], half: Array

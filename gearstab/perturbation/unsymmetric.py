@@ -41,7 +41,7 @@ DEFECT = 1e-7
 """Relative effect of a rounding error on the eigenvalues of a matrix of two that coincide: its square root."""
 LARGEST = 2.0**20
 """Factors on the coupling beyond which a tongue of groups counts as one that never opens."""
-HALVINGS = 30
+HALVINGS = 36
 """Halvings of the factor, in its logarithm: the threshold of groups has nine digits."""
 
 
@@ -161,9 +161,9 @@ class _Damped:
 
         Infinite where none up to LARGEST has any.
         """
-        low, one = self._safe(), np.ones(len(self.parts[0]))
-        opened = self._opens(one)
-        low, high = np.where(opened, np.minimum(low, 1.0), np.maximum(low, 1.0)), one
+        high = np.ones(len(self.parts[0]))
+        opened = self._opens(high)
+        low = np.where(opened, 1 / LARGEST, 1.0)
         while True:
             rows = ~opened & (high < LARGEST)
             if not rows.any():
@@ -183,18 +183,3 @@ class _Damped:
     def _opens(self, factor: Array) -> Array:
         """Whether there is growth at some detuning."""
         return np.asarray(self.unstable(factor)[1].any(axis=1))
-
-    def _safe(self) -> Array:
-        """A factor below which energy decays: the Hermitian part of A is negative definite, whatever sigma."""
-        mean_p, mean_q, forward, backward = self.parts
-        zero = np.zeros_like
-        means = np.block([[mean_p, zero(forward)], [zero(backward), mean_q]])
-        damping = -0.5 * (means + np.conj(np.swapaxes(means, -1, -2)))
-        both = self.matrix(np.ones(len(means))) - means
-        both = 0.5 * (both + np.conj(np.swapaxes(both, -1, -2)))
-        definite = np.linalg.eigvalsh(damping)[:, 0] > 0
-        factor = np.full(len(means), 1 / LARGEST)
-        root = np.linalg.inv(np.linalg.cholesky(damping[definite]))
-        strength = np.linalg.eigvalsh(root @ both[definite] @ np.conj(np.swapaxes(root, -1, -2)))[:, -1]
-        factor[definite] = 1 / np.maximum(strength, 1 / LARGEST)
-        return factor

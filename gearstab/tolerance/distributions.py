@@ -71,7 +71,7 @@ class Distribution:
 
     @property
     def mistake(self) -> tuple[str, str] | None:
-        """What is wrong with the numbers, and what to do; None for nothing."""
+        """The fault of the numbers, and what to do; None of sound ones."""
         kind = DISTRIBUTIONS[self.key]
         text, hint = kind.mistake
         return None if kind.sound(*self.numbers) else (text.format(*self.numbers), hint)

@@ -54,6 +54,44 @@ def test_oscillators_that_nothing_drives_change_nothing(seed: int) -> None:
     assert both.sampled_step[0] == 0
 
 
+@pytest.mark.parametrize("seed", [1, 3])
+def test_an_undamped_rotor_beside_a_damped_one_is_counted(seed: int) -> None:
+    """In coordinates that mix both; its collisions are counted, and regions named, as if it stood alone."""
+    free, damped = random_rotor(seed, hamiltonian=True), random_rotor(seed + 40, hamiltonian=False)
+    n, every = free.size, free.size + damped.size
+    turn, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(every, every)))
+
+    def mixed(first: Array | None, second: Array | None) -> Array:
+        whole = np.zeros((every, every))
+        whole[:n, :n] = 0.0 if first is None else first
+        whole[n:, n:] = 0.0 if second is None else second
+        return turn.T @ whole @ turn
+
+    meshes = [replace(m, direction=np.append(m.direction, np.zeros(damped.size)) @ turn) for m in free.meshes]
+    for m in damped.meshes:
+        direction = np.append(np.zeros(n), m.direction) @ turn
+        meshes.append(replace(m, name=f"other {m.name}", direction=direction))
+    names = ("gyroscopic", "circulatory", "centripetal")
+    rotations = [
+        replace(r, **{name: mixed(*((getattr(r, name), None)[:: 1 - 2 * k])) for name in names})
+        for k, rotor in enumerate((free, damped)) for r in rotor.rotations
+    ]  # fmt: skip
+    both = GearSystem(
+        mixed(free.mass, damped.mass), mixed(free.stiffness, damped.stiffness), tuple(meshes),
+        mixed(None, damped.damping), rotations=tuple(rotations),
+    )  # fmt: skip
+    found, alone = boundaries(both, START, STOP), [boundaries(own, START, STOP) for own in (free, damped)]
+    share = found.stable_share(found.proved) + found.stable_share(found.counted)
+    # The damped one is proved but for what lies beside edges.
+    assert share[0] > 0.999
+    assert found.sampled_step[0] == 0
+    omega = np.random.default_rng(seed).uniform(START, STOP, 3000)
+    expected = np.any([np.any((omega[:, None] > a.lower) & (omega[:, None] < a.upper), axis=1) for a in alone], axis=0)
+    inside = np.any((omega[:, None] > found.lower) & (omega[:, None] < found.upper), axis=1)
+    np.testing.assert_array_equal(inside, expected)
+    assert sum(map(len, found.members)) == sum(len(members) for a in alone for members in a.members)
+
+
 def partly_damped(seed: int) -> GearSystem:
     """Three to five modes that the mesh couples all, one or two of them undamped in the mean; the others whirl."""
     rng = np.random.default_rng(seed)

@@ -125,7 +125,6 @@ def test_a_path_of_two_knots_is_a_ramp_and_may_turn():
     there_and_back = Path(np.array([0.0, 50.0, 100.0]), np.array([1.0, 6.0, 1.0]))
     once, twice = gains(over, path), gains(over, there_and_back)
     assert twice.gain.sum() == pytest.approx(2 * once.gain.sum(), rel=1e-9)
-    assert np.all(np.diff(twice.end) > 0)
     inner = Path(np.array([0.0, 10.0, 50.0]), np.array([1.0, 2.0, 6.0]))
     assert gains(over, inner).gain.sum() == pytest.approx(once.gain.sum(), rel=1e-9)
 

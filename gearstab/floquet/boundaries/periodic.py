@@ -76,18 +76,23 @@ class PeriodicPart:
         """``(r,)``: which rows are Hamiltonian at all mesh frequencies."""
         return self.canonical(CF6_5, 0).hamiltonian(self.speeds / self.part.pattern.elastic.rate[:, None])
 
-    def driven(self) -> PeriodicPart:
-        """The same without coordinates that nothing couples with what varies, and that do not grow: on these exponents
-        of a constant system depend no edge, no step of a scan and no proof.
+    def components(self) -> list[PeriodicPart]:
+        """The same in parts that nothing couples, without coordinates that nothing couples with what varies, and that
+        do not grow: on these exponents of a constant system depend no edge, no step of a scan and no proof.
         """
         form, n = FirstOrder.joined([row.form for row in self.rows]), self.rows[0].form.elastic
         varying = form.parts if form.by_speed is None else np.concatenate([form.parts, form.by_speed], axis=1)
         touched = _entries(varying)
         number = connected_components(touched | _entries(form.constant[:, None]), directed=False)[1]
-        kept = np.isin(number, number[touched.any(axis=0) | touched.any(axis=1)])
-        left = np.linalg.eigvals(form.constant[:, ~kept][:, :, ~kept]).real
-        if kept.all() or not kept.any() or left.max() > NO_GROWTH:
-            return self
+        driven = np.unique(number[touched.any(axis=0) | touched.any(axis=1)])
+        left = ~np.isin(number, driven)
+        exponents = np.linalg.eigvals(form.constant[:, left][:, :, left]).real
+        if len(driven) == 0 or exponents.max(initial=-np.inf) > NO_GROWTH or (len(driven) == 1 and not left.any()):
+            return [self]
+        return [self._only(number == one, n) for one in driven]
+
+    def _only(self, kept: Array, n: int) -> PeriodicPart:
+        """The same with some of the states ``(m,)``, the displacements of n coordinates first."""
         rows = [replace(row, form=row.form.only(kept), elastic=row.elastic[kept[:n]]) for row in self.rows]
         own = self.part.pattern
         part = _part(own.rows, own.cycles, int(kept[:n].sum()), own.elastic.rate, own.elastic.rigid_exponents)
@@ -162,8 +167,8 @@ def weights(fractions: Array, states: Array) -> Array:
     return result
 
 
-def parts(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, bool]]:
-    """All rows of a system, each once, and whether they are Hamiltonian."""
+def parts(system: GearSystem, limits: Limits) -> Iterator[PeriodicPart]:
+    """All rows of a system, each once."""
     plan, rows, cycles = schedule(system), elastic_forms(system), float(system.common_period()[0])
     still = free_rotations(system).sum(axis=1)
     sizes = np.stack([still, [row.size for row in rows]], axis=1)
@@ -172,23 +177,26 @@ def parts(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, bo
         own = [rows[k] for k in members]
         rate, exponents = np.array([g.rate for g in own]), np.stack([g.rigid_exponents for g in own])
         part = _part(members, cycles, system.size - int(rigid), rate, exponents)
-        found = PeriodicPart(part, own, plan, varies, speeds)
-        canonical = found.hamiltonian
-        for flag in (True, False):
-            if np.any(canonical == flag):
-                yield found.subset(np.flatnonzero(canonical == flag)), flag
+        yield PeriodicPart(part, own, plan, varies, speeds)
 
 
-def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, Chain, SearchResult]]:
-    """Parts of all rows, chains from which their regions may be named, and what is found out about them."""
-    for own, canonical in parts(system, limits):
-        driven = own.driven()
-        if own.varies.any():
-            doublings, found = _controlled(driven, limits, canonical)
-            # Names need few digits, and segments that follow each other.
-            yield own, own.flow(CF4_2, doublings), found
-        else:
-            yield own, own.flow(CF6_5, 0), _search(driven, 0, limits, canonical, ROUNDING)[0]
+def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, Chain, Chain, SearchResult]]:
+    """All rows, once for each part that nothing couples with others: chains of the whole and of the part, from which
+    its regions may be named, and what is found out about it.
+    """
+    for every in parts(system, limits):
+        for part in every.components():
+            canonical = part.hamiltonian
+            for flag in (True, False):
+                if len(k := np.flatnonzero(canonical == flag)):
+                    own, driven = every.subset(k), part.subset(k)
+                    if own.varies.any():
+                        doublings, found = _controlled(driven, limits, flag)
+                        # Names need few digits, and segments that follow each other.
+                        given = CF4_2, doublings
+                    else:
+                        given, found = (CF6_5, 0), _search(driven, 0, limits, flag, ROUNDING)[0]
+                    yield own, own.flow(*given), driven.flow(*given), found
 
 
 def _search(

@@ -77,12 +77,12 @@ def boundaries(
     found = _Collected(system, start, stop, width_floor)
     limits = Limits(start, stop, tolerance, width_floor, budget)
     if not in_modes(system):
-        for driven, flow, edges in periodic.searched(system, limits):
-            found.rigid(driven.part)
+        for every, whole, flow, edges in periodic.searched(system, limits):
+            found.rigid(every.part)
             if system.rotations:
-                found.turning(driven.part, flow, edges)
+                found.turning(every.part, whole, flow, edges)
             else:
-                found.periodic(driven, flow, edges)
+                found.periodic(every, whole, edges)
         return found.result()
     for part, own in _searched(system, limits, reduction):
         found.rigid(part)
@@ -165,9 +165,12 @@ class _Collected:
         self._covered(own.part, found)
         self._keep(own.part, found.intervals, naming.Names.of(names), own.growing(flow))
 
-    def turning(self, part: Part, flow: Chain, found: SearchResult) -> None:
-        """The same of rows with speeds of rotation, which are named after the motions at the speed of each region."""
-        names = whirl.named(flow, found.intervals, self.system.size)
+    def turning(self, part: Part, whole: Chain, flow: Chain, found: SearchResult) -> None:
+        """The same of rows with speeds of rotation, which are named after the motions at the speed of each region.
+
+        flow: of the coordinates that were searched.
+        """
+        names = whirl.named(flow, whole, found.intervals, self.system.size)
         self._covered(part, found)
         if found.contacts is not None:
             self.contacts[part.pattern.rows] += found.contacts

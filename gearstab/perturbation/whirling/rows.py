@@ -31,14 +31,15 @@ from gearstab.perturbation.modal_terms import harmonics as harmonics_of_terms
 from gearstab.perturbation.tongues import ParametricExcitation
 from gearstab.perturbation.whirling.pairing import ROUNDING, Pairing, resonance_of
 from gearstab.propagation.elastic import ElasticForm, elastic_forms, mean_levels
+from gearstab.roots import RootBrackets, narrowed
 from gearstab.system import Array, GearSystem
 
 SPEEDS, LOWEST = 600, 1e-4
 """Mesh frequencies at which roots are looked for, and the lowest of them, as a part of the highest."""
 DOUBLINGS = 8
 """Doublings of the highest mesh frequency, where natural frequencies rise with it."""
-ROUNDS, CLOSE = 60, 1e-14
-"""Steps towards a root at most, and how small the last one is, relatively."""
+CLOSE = 1e-14
+"""How closely a root is enclosed, relatively."""
 ENTRIES_AT_ONCE = 2**21
 """Entries of the matrices of roots that are treated together: 16 MB, and as much for their vectors."""
 
@@ -143,29 +144,21 @@ class MeanRow:
         if self.held:
             every = sums(np.broadcast_to(frequency, (len(wanted), frequency.shape[1])), slice(None))
             return np.where(every > 0, every, np.nan) / ratio
-        root = np.full(len(wanted), np.nan)
-        low, high = np.full((2, len(wanted)), np.nan)
-        ends = np.full((2, len(wanted)), np.nan)
+        places, ends = [], []
         for k in range(len(wanted)):
             excess = ratio[k] * speeds - sums(frequency, np.full(len(speeds), k))
             change = np.flatnonzero((excess[:-1] * excess[1:] <= 0) & (excess[1:] != 0))
             if len(change):
-                at = change[0]
-                low[k], high[k], ends[:, k] = speeds[at], speeds[at + 1], excess[at : at + 2]
-        moving = np.flatnonzero(np.isfinite(low))
-        # The Illinois method: a secant whose bracket never stops shrinking from one side.
-        for _ in range(ROUNDS):
-            if not len(moving):
-                break
-            a, b, (f, g) = low[moving], high[moving], ends[:, moving]
-            middle = np.where(g == f, 0.5 * (a + b), (a * g - b * f) / np.where(g == f, 1.0, g - f))
-            excess = ratio[moving] * middle - sums(self.frequencies(middle)[0], moving)
-            same = excess * g > 0
-            low[moving], ends[0, moving] = np.where(same, a, b), np.where(same, 0.5 * f, g)
-            high[moving], ends[1, moving] = middle, excess
-            moved = np.abs(middle - np.where(np.isfinite(root[moving]), root[moving], np.inf))
-            root[moving] = middle
-            moving = moving[(moved > CLOSE * middle) & (excess != 0)]
+                places.append((k, change[0]))
+                ends.append(excess[change[0] : change[0] + 2])
+        own, at = np.array(places, dtype=int).reshape(-1, 2).T
+
+        def excess_at(which: Array, omega: Array) -> Array:
+            return np.asarray(ratio[own[which]] * omega - sums(self.frequencies(omega)[0], own[which]))
+
+        bracket = RootBrackets(speeds[at], speeds[at + 1], *np.array(ends).reshape(-1, 2).T)
+        root = np.full(len(wanted), np.nan)
+        root[own] = narrowed(excess_at, bracket, CLOSE * speeds[at]).best
         return root
 
     def _motions(self, omega: Array) -> list[Pairing]:

@@ -19,10 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.boundaries.damped.roots import RootBrackets, narrowed
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.grouping import Columns, numbered
+from gearstab.roots import RootBrackets, narrowed
 from gearstab.system import Array
 
 PROVED, FAILED, EDGE = range(3)

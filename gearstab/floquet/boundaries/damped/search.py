@@ -18,7 +18,6 @@ import numpy as np
 
 from gearstab.floquet.boundaries.damped.meetings import RASTER, pursue, pursue_beside
 from gearstab.floquet.boundaries.damped.proof import MODULI, PROVED, SPECTRUM, Cover, cover, damping_ratio
-from gearstab.floquet.boundaries.damped.roots import RootBrackets, narrowed
 from gearstab.floquet.boundaries.damped.scan import STEP, Scan
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row, paired, verdicts_at_ends
 from gearstab.floquet.boundaries.undamped import search as undamped
@@ -27,6 +26,7 @@ from gearstab.floquet.kernel import damped as general
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.steps import Division
+from gearstab.roots import RootBrackets, narrowed
 from gearstab.system import Array
 
 COARSEST, FINEST, EQUAL = 200, 50_000, 10_000

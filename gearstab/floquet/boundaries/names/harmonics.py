@@ -14,7 +14,7 @@ import numpy as np
 
 from gearstab.floquet.boundaries.damped.scan import halves
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
-from gearstab.floquet.boundaries.names.labels import BAND, Root, Shares, leading_roots
+from gearstab.floquet.boundaries.names.labels import BAND, Root, Shares, leading_roots, nearest_sum
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
 
@@ -132,13 +132,8 @@ def _distributed(shares: list[Shares]) -> list[Root]:
 
 def _nearest(chain: Chain, interval: Interval) -> Root:
     """The root nearest to the middle of an interval, of equally near ones that of the lowest harmonic."""
-    frequency = np.nan_to_num(chain.frequencies[interval.row])
-    p, q = np.triu_indices(len(frequency))
-    turns = (frequency[p] + frequency[q]) * chain.cycles * 0.5 * (interval.start + interval.stop)
-    number = np.maximum(np.rint(turns), 1)
-    # Equally near is what agrees to six digits: the middle of an interval is no better known.
-    best = np.lexsort((number, np.round(np.abs(turns / number - 1), 6)))[0]
-    return Root(int(p[best]), int(q[best]), int(number[best]))
+    turns = np.nan_to_num(chain.frequencies[interval.row]) * chain.cycles * 0.5 * (interval.start + interval.stop)
+    return Root(*nearest_sum(turns))
 
 
 def shares(chain: Chain, row: Array, cycle: Array) -> list[Shares]:

@@ -38,6 +38,18 @@ class Root:
     cycles: int
 
 
+def nearest_sum(turns: Array) -> tuple[int, int, int]:
+    """(p, q, cycles) of the sum of two of the turns ``(n,)`` a common period that is nearest to a whole number of them,
+    of equally near ones the least.
+    """
+    p, q = np.triu_indices(len(turns))
+    total = turns[p] + turns[q]
+    cycles = np.maximum(np.rint(total), 1)
+    # Equally near is what agrees to six digits: the middle of an interval is no better known.
+    best = np.lexsort((cycles, np.round(np.abs(total / cycles - 1), 6)))[0]
+    return int(p[best]), int(q[best]), int(cycles[best])
+
+
 Shares = dict[Root, float]
 """How much of the action of an unstable solution a root accounts for, at most 1."""
 

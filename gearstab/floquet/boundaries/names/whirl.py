@@ -13,12 +13,12 @@ Motions are numbered by ascending frequency *at that speed*.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gearstab.floquet.boundaries.intervals import Intervals
-from gearstab.floquet.boundaries.names.labels import BAND
+from gearstab.floquet.boundaries.names.labels import BAND, nearest_sum
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.grouping import Columns, numbered
@@ -34,6 +34,8 @@ CLEAR = 0.5
 """The share from which on a pair is named besides the leading one."""
 ALIKE = 1e-3
 """Shares that differ by less are equal: the lower harmonic is the name."""
+EQUAL = 1e-9
+"""Natural frequencies that differ by less than this part are equal."""
 NO_GROWTH = 1e-11
 """Growth of the mean system, over the largest exponent, that is rounding."""
 ENTRIES_AT_ONCE = 2**21
@@ -67,19 +69,48 @@ class WhirlPairs(Columns):
         return WhirlRoot(int(self.p[k]), int(self.q[k]), int(self.cycles[k]), bool(self.difference[k]))
 
 
-def named(chain: Chain, intervals: Intervals, size: int) -> list[tuple[WhirlRoot, ...]]:
-    """The roots of each interval, the leading one first; size: n, rigid-body modes included."""
+def named(chain: Chain, whole: Chain, intervals: Intervals, size: int) -> list[tuple[WhirlRoot, ...]]:
+    """The roots of each interval, the leading one first.
+
+    chain: of the motions that come into question; whole: of all. size: n, rigid-body modes included.
+    """
     count = np.where(intervals.stop - intervals.start > WIDE * intervals.start, len(PLACES), 1)
     owner, number = numbered(count)
     if len(owner) == 0:
         return []
     cycle = intervals.start[owner] + np.array(PLACES)[number] * (intervals.stop - intervals.start)[owner]
     found = _pairs(chain, intervals.row[owner], cycle, size)
+    if whole.size > chain.size:
+        few, every = (_frequencies(one, intervals.row[owner], cycle, size) for one in (chain, whole))
+        place = _places(few, every)
+        found = replace(found, **{name: place[np.arange(len(cycle)), getattr(found, name)] for name in ("p", "q")})
     result: list[tuple[WhirlRoot, ...]] = [()] * len(count)
     for k, i in enumerate(owner.tolist()):
         if not result[i] or found.share[k] > CLEAR:
             result[i] = tuple(dict.fromkeys([*result[i], found.root(k)]))
     return result
+
+
+def _mean(chain: Chain, row: Array) -> Array:
+    """The mean generators ``(P, m, m)`` of rows."""
+    return np.einsum("ps,psij->pij", chain.fractions[row], chain.generator.matrix[row][:, chain.states])
+
+
+def _frequencies(chain: Chain, row: Array, cycle: Array, size: int) -> Array:
+    """Natural frequencies ``(P, size)`` at points, ascending, 0 of motions that do not oscillate."""
+    own = np.sort(np.maximum(np.linalg.eigvals(_mean(*chain.at(row, cycle))).imag, 0.0), axis=1)
+    return np.pad(own, ((0, 0), (size, 0)))[:, -size:]
+
+
+def _places(few: Array, every: Array) -> Array:
+    """Which of all natural frequencies ``(P, n)`` each of some ``(P, n)`` is, both ascending; zeros stand before."""
+    place, above = np.empty(few.shape, dtype=int), np.full(len(few), few.shape[1])
+    for k in range(few.shape[1])[::-1]:
+        gap = np.abs(every - few[:, [k]])
+        near = gap <= gap.min(axis=1, keepdims=True) + EQUAL * few[:, [k]]
+        # Of equal ones the last that is free.
+        place[:, k] = above = np.minimum(few.shape[1] - 1 - near[:, ::-1].argmax(axis=1), above - 1)
+    return place
 
 
 def _pairs(chain: Chain, row: Array, cycle: Array, size: int) -> WhirlPairs:
@@ -100,8 +131,10 @@ def _pairs_of(chain: Chain, row: Array, cycle: Array, size: int, most: int) -> W
         weight = _weights(own, each, cycle, motions.left, harmonic) * motions.sign[:, :, None]
     found = _leading(weight, harmonic, motions)
     for k in np.flatnonzero(found.share <= 0):
-        p, q, cycles = _nearest(motions.exponents[k], motions.number[k], chain.cycles * cycle[k])
-        found.p[k], found.q[k], found.cycles[k], found.difference[k] = p, q, cycles, False
+        upper = motions.exponents[k].imag > 0
+        p, q, found.cycles[k] = nearest_sum(motions.exponents[k].imag[upper] * chain.cycles * cycle[k])
+        found.p[k], found.q[k] = motions.number[k][upper][[p, q]]
+        found.difference[k] = False
     by_itself = motions.driven >= 0
     found.p[by_itself] = found.q[by_itself] = motions.driven[by_itself]
     found.cycles[by_itself], found.difference[by_itself], found.share[by_itself] = 0, False, 1.0
@@ -125,7 +158,7 @@ class _SignedMotions:
 
     @classmethod
     def of(cls, chain: Chain, row: Array, size: int) -> _SignedMotions:
-        mean = np.einsum("ps,psij->pij", chain.fractions[row], chain.generator.matrix[row][:, chain.states])
+        mean = _mean(chain, row)
         values, right = np.linalg.eig(mean)
         values, right = values.astype(complex), right.astype(complex)
         order = np.lexsort((values.imag < 0, np.abs(values.imag)))
@@ -199,14 +232,3 @@ def _leading(weight: Array, harmonic: Array, motions: _SignedMotions) -> WhirlPa
     found = [np.take_along_axis(part, best, 1)[:, 0] for part in (p, q, np.abs(cycles), difference, share, value)]
     low, high = np.minimum(found[0], found[1]), np.maximum(found[0], found[1])
     return WhirlPairs(low, high, found[2], found[3], np.where(np.isfinite(found[5]), found[4], 0.0))
-
-
-def _nearest(exponents: Array, number: Array, time: float) -> tuple[int, int, int]:
-    """(p, q, cycles) of the sum of frequencies that is nearest to a multiple of 1/time."""
-    upper = exponents.imag > 0
-    own, modes = exponents.imag[upper], number[upper]
-    p, q = np.triu_indices(len(own))
-    turns = (own[p] + own[q]) * time
-    cycles = np.maximum(np.rint(turns), 1)
-    best = int(np.argmin(np.round(np.abs(turns / cycles - 1), 6)))
-    return int(modes[p[best]]), int(modes[q[best]]), int(cycles[best])
