@@ -19,6 +19,7 @@ from matplotlib.patches import Patch
 from gearstab.plots.axes import FigureAxis
 from gearstab.plots.drawing import grid
 from gearstab.plots.drawing.style import FAILED, LINE, PROVED
+from gearstab.plots.drawing.text import plain
 from gearstab.plots.drawing.tongues import parameter_axis
 from gearstab.plots.view import MapView, View
 from gearstab.results.display import SPEEDS
@@ -235,5 +236,5 @@ def legend_of_proved(tint: ProvedTint | None) -> list[Patch]:
     stable = [Patch(facecolor=PROVED, label="proved stable")] if tint.get_paths() else []
     if tint.certified is None:
         return stable
-    label = f"certified, {100 * tint.certified:.2f} % of the range"
+    label = plain(f"certified, {100 * tint.certified:.2f} % of the range")
     return [*stable, Patch(facecolor="none", edgecolor=CERTIFIED, hatch="////", linewidth=0, label=label)]

@@ -275,7 +275,7 @@ def test_every_mode_below_the_top_is_named_once() -> None:
     numbers: list[int] = []
     for text in artists["panels"][0]["mode_names"].texts:
         for part in text.get_text().strip("$").removeprefix(r"\omega_{").rstrip("}").split(","):
-            first, _, last = part.partition("\N{EN DASH}")
+            first, _, last = part.partition("\\text{\N{EN DASH}}")
             numbers += range(int(first), int(last or first) + 1)
     assert sorted(numbers) == list(range(1, count + 1))
 
