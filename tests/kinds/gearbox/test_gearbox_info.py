@@ -16,6 +16,7 @@ from gearstab.info import train as info_train
 from gearstab.info.configuration import describe
 from gearstab.info.records import plain
 from gearstab.info.text import report
+from gearstab.systems.gearbox.feasibility import NOTICES
 
 SMALL = """\
 system:
@@ -79,7 +80,7 @@ def test_notices_name_the_gear_and_the_numbers(small: dict[str, Any]) -> None:
     beyond = [n for n in pair.notices if n.name == "interference"]
     assert beyond
     assert {n["name"] for n in found} >= {"undercut", "interference", "fillet_contact"}
-    assert all(n["name"] in info_train.NOTICES for n in found)
+    assert all(n["name"] in NOTICES for n in found)
     assert "left: interference, the contact is cut off: its tip would reach" in text
 
 
