@@ -145,9 +145,9 @@ def test_every_mistake_of_a_style_sheet_is_a_line(tmp_path):
     with pytest.raises(PlotError) as told:
         draw(made.response(), dpi=80, style=str(sheet))
     found = str(told.value).splitlines()
-    assert all(line.startswith(f"--style {sheet}: line ") for line in found)
-    assert sorted(int(line.split("line ")[1].split(":")[0]) for line in found) == [1, 2, 3]
-    assert any("'wide'" in line for line in found)
+    assert all(line.startswith("--style: ") and str(sheet) in line for line in found)
+    assert sorted(int(re.findall(r"line (\d+)", line)[0]) for line in found) == [1, 2, 3]
+    assert any("Could not convert 'wide' to float" in line for line in found)
     sheet.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(PlotError, match="is not a text file"):
         draw(made.response(), dpi=80, style=str(sheet))
