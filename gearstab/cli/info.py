@@ -38,6 +38,7 @@ def command(
     from gearstab.config import load
     from gearstab.info import tables
     from gearstab.info.configuration import describe
+    from gearstab.info.records import plain
     from gearstab.info.text import report
 
     loaded = load(config, overrides)
@@ -46,6 +47,6 @@ def command(
     if unit:
         facts = tables.shown_in(facts, unit[-1])
     if as_json:
-        say(json.dumps(facts, indent=2, allow_nan=False))
+        say(json.dumps(plain(facts), indent=2, allow_nan=False))
     else:
         say(report(facts, every or harmonics is not None))

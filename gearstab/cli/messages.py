@@ -17,14 +17,6 @@ if TYPE_CHECKING:
     from gearstab.sweep import Plan, Summary
     from gearstab.sweep.storage.merge import RegionSearches
 
-TEETH = {
-    "undercut": "are undercut", "top_land": "are pointed", "interference": "interfere, so that contact is cut off",
-    "fillet_contact": "touch inside of a fillet", "contact_ratio": "lose contact (contact ratio below 1)",
-    "tip_clearance": "come too close to a root", "backlash": "are too thick for the centre distance",
-    "trochoid_interference": "collide outside of the path of contact", "trimming": "cannot be put in radially",
-}  # fmt: skip
-"""Words for each notice."""
-
 
 def notes(plan: Plan, summary: Summary) -> list[str]:
     """Return one line for each flag that points carry, and for each mesh whose teeth are not sound."""
@@ -79,17 +71,17 @@ def teeth(plan: Plan) -> list[str]:
     """Return one line for each mesh and notice of a gearbox."""
     if plan.teeth is None:
         return []
-    from gearstab.systems.gearbox.feasibility import NOTICE_FLAGS
+    from gearstab.systems.gearbox.feasibility import NOTICES
 
     over = " x ".join(axis.name for axis in plan.teeth.axes)
     flags = plan.teeth.flags.reshape(-1, len(plan.teeth.meshes))
     found = []
     for mesh, column in zip(plan.teeth.meshes, flags.T, strict=True):
-        for name, mask in NOTICE_FLAGS.items():
-            count = int(np.count_nonzero(column & mask))
+        for words in NOTICES.values():
+            count = int(np.count_nonzero(column & words.bit))
             where = f" at {count:,} of {len(column):,} values of {over}" if over and count < len(column) else ""
             if count:
-                found.append(f"teeth of mesh {mesh} {TEETH[name]}{where}; gearstab info tells more")
+                found.append(f"teeth of mesh {mesh} {words.teeth}{where}; gearstab info tells more")
     return found
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gearstab.info import danger, speeds, train
+from gearstab.info.records import MeanSystem
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -17,7 +18,7 @@ HARMONICS = 3
 
 
 def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
-    """All that ``info`` shows, as plain numbers, texts and lists; None where a number does not exist."""
+    """Return all that ``info`` shows: numbers, texts, lists and records; None where a number does not exist."""
     from gearstab.perturbation.second_order import SUPPORTS
     from gearstab.support import unsupported
 
@@ -44,7 +45,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "common_period": speeds.common_period(system),
         "frequencies": speeds.frequencies(config, system),
         **_modes(system),
-        "mean_system": _mean_system(system),
+        "mean_system": MeanSystem.of(system),
         "held_rotations": any(rotation.speed_ratio is None for rotation in system.rotations),
         "rotations": speeds.rotation_facts(system, _frequency_range(config)),
         "train": train.facts(config, system),
@@ -54,7 +55,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "order": theory,
         "harmonics": order,
         "dangerous": dangerous,
-        **(nothing if dangerous["refused"] else _existence(system, _tongues(system, theory, order))),
+        **(nothing if dangerous.refused else _existence(system, _tongues(system, theory, order))),
     }
 
 
@@ -133,19 +134,6 @@ def _modes(system: GearSystem) -> dict[str, Any]:
     return {"modes": listed, "equal_frequencies": [[p + 1 for p in group] for group in groups if len(group) > 1]}
 
 
-def _mean_system(system: GearSystem) -> dict[str, Any]:
-    """The motions of the mean system as a whole, which need not be those of its symmetric part."""
-    from gearstab.floquet.general.mean import mean_motions
-
-    found = mean_motions(system)
-    return {
-        "unstable": bool(found.unstable.any()),
-        "mode": (found.mode[0] + 1).tolist(),
-        "frequency": found.frequency[0].tolist(),
-        "growth_rate": found.growth_rate[0].tolist(),
-    }
-
-
 def _reductions(system: GearSystem) -> dict[str, Any]:
     """How exact Floquet analysis takes the system apart."""
     from dataclasses import asdict
@@ -173,10 +161,10 @@ def _existence(system: GearSystem, found: dict[str, Any]) -> dict[str, Any]:
     any pair of them. Motions that are no real modes have no rule: their numbers go with the mesh frequency.
     """
     from gearstab.perturbation.multiple_scales import partitions
-    from gearstab.support import whirls
+    from gearstab.support import ANY_LINEAR, unsupported
     from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step
 
-    step = None if whirls(system) else phase_step(system)
+    step = None if unsupported(system, ANY_LINEAR) else phase_step(system)
     if step is None:
         return {"existence_rule": None, **found}
     order = system.symmetries[0].order

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from gearstab.info.records import DangerousRegion, DangerousSpeeds, JudgedRegions, Remedies, ShownSpeeds
 from gearstab.info.tables import label_text, meshes_text, table
 from gearstab.perturbation.tongues import SELF_EXCITED
 from gearstab.support import ANY_LINEAR, WHIRLING, unsupported
@@ -23,45 +24,30 @@ MOST, NEAREST = 12, 3
 """Regions that are listed: open ones, and closed ones that are next to open."""
 
 
-def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
-    """Return the regions in the range of the sweep by what they do there, as plain numbers, texts and lists.
-
-    ``refused``: why first-order theory, which they are looked for by, does not apply; None where it does. Without an
-    axis of the mesh frequency all regions count. harmonics: at least so many are looked at.
-    """
+def facts(config: Config, system: GearSystem, harmonics: int) -> DangerousSpeeds:
+    """Return the regions in the range of the sweep by what they do there. harmonics: at least so many are looked at."""
     from math import inf
 
     axis = next((a for a in config.axes if a.mesh_frequency is not None), None)
-    low, high, unit, scale, teeth = 0.0, inf, "" if "time" in system.dimensionless else "rad/s", 1.0, 1.0
+    low, high, shown = 0.0, inf, ShownSpeeds("mesh frequency", "" if "time" in system.dimensionless else "rad/s", 1.0)
     if axis is not None and axis.mesh_frequency is not None:
         from gearstab.config.model.units import scale as scale_of
 
-        values = axis.mesh_frequency.values
+        values, teeth = axis.mesh_frequency.values, axis.mesh_frequency.factor
         low, high = float(min(values)), float(max(values))
-        unit = axis.typed_units or unit
-        teeth = axis.mesh_frequency.factor
-        scale = teeth * (scale_of(axis.typed_units, axis.units) if axis.typed_units else 1.0)
+        one = scale_of(axis.typed_units, axis.units) if axis.typed_units else 1.0
+        shown = ShownSpeeds(axis.long_name, axis.typed_units or shown.unit, teeth * one, teeth)
     refused = unsupported(system, ANY_LINEAR | WHIRLING)
-    return {
-        "axis": "mesh frequency" if axis is None else axis.long_name,
-        "unit": unit,
-        "range": None if axis is None else [low / scale, high / scale],
-        "scale": scale,
-        "teeth": teeth,
-        "refused": refused and refused[0],
-        **({"unstable_share": None} if refused else judged(config, system, low, high, harmonics)),
-    }
+    return DangerousSpeeds(
+        shown,
+        None if axis is None else [low / shown.scale, high / shown.scale],
+        refused and refused[0],
+        None if refused else judged(config, system, low, high, harmonics),
+    )
 
 
-def judged(config: Config, system: GearSystem, low: float, high: float, harmonics: int) -> dict[str, Any]:
-    """Return the regions between two mesh frequencies: candidates of first order, decided by exact search near them.
-
-    ``verified`` tells whether they were decided, which takes a common period that is not too long; ``scanned``, at how
-    many speeds of the range growth rates were looked at besides, and ``unstable_share``, the part of these at which
-    they are positive; ``refuted``, how many remedies of first order failed; ``not_judged``, the modes of which first
-    order knows nothing, as their mean stiffness is not positive; ``without_remedies``, whether none are known: the
-    rules for them go by real modes.
-    """
+def judged(config: Config, system: GearSystem, low: float, high: float, harmonics: int) -> JudgedRegions:
+    """Return the regions between two mesh frequencies."""
     from gearstab.info import verified
     from gearstab.perturbation.ranking import rank
 
@@ -77,20 +63,20 @@ def judged(config: Config, system: GearSystem, low: float, high: float, harmonic
         tried = tried if found.real_modes else 0
         opened = [_open(config, system, *row, (low, high), step, k < tried) for k, row in enumerate(rows[:MOST])]
         count = max(found.opened - len(found.open), 0) + len(rows)
-    return {
-        "harmonics": found.harmonics,
-        "verified": decided is not None,
-        "scanned": 0 if looked is None else len(looked.omega),
-        "unstable_share": None if looked is None else float(looked.unstable.mean()),
-        "not_judged": _not_judged(system) if found.real_modes else [],
-        "without_remedies": not found.real_modes,
-        "open": opened,
-        "closest": [_region(config, system, region, width, step) for region in closest[:NEAREST]],
-        "number_open": count,
-        "number_closed_by_damping": found.closed,
-        "number_not_excited": found.quiet,
-        "refuted": sum(len(row["closed_by"].get("refuted", ())) for row in opened),
-    }
+    return JudgedRegions(
+        harmonics=found.harmonics,
+        verified=decided is not None,
+        scanned=0 if looked is None else len(looked.omega),
+        unstable_share=None if looked is None else float(looked.unstable.mean()),
+        not_judged=_not_judged(system) if found.real_modes else [],
+        without_remedies=not found.real_modes,
+        open=opened,
+        closest=[_region(config, system, region, width, step) for region in closest[:NEAREST]],
+        number_open=count,
+        number_closed_by_damping=found.closed,
+        number_not_excited=found.quiet,
+        refuted=sum(len(row.closed_by.refuted or ()) for row in opened),
+    )
 
 
 def _decided(
@@ -153,60 +139,54 @@ def planets_step(system: GearSystem) -> tuple[int, int] | None:
 
 def _region(
     config: Config, system: GearSystem, region: RankedRegion, width: float, step: tuple[int, int] | None
-) -> dict[str, Any]:
+) -> DangerousRegion:
     """A region as first order has it."""
-    tongue, found = region.tongue, region.amplitudes
-    remedies = (
-        {} if found is None else {"damping_ratio": found.damping_ratio} | _advice(config, system, tongue, found, step)
+    found = region.amplitudes
+    advice = {} if found is None else _advice(config, system, region.tongue, found, step)
+    return DangerousRegion.of(
+        region.tongue,
+        boundary_frequency=None if region.lower != region.lower else [region.lower, region.upper],
+        endless=region.endless,
+        share_of_range=region.inside / width if width < float("inf") and width > 0 else None,
+        center_frequency=region.center,
+        growth_rate=None if found is None else found.growth_rate,
+        threshold=region.threshold,
+        closed_by=Remedies() if found is None else Remedies(damping_ratio=found.damping_ratio, **advice),
     )
-    return _named(tongue) | {
-        "boundary_frequency": None if region.lower != region.lower else [region.lower, region.upper],
-        "endless": region.endless,
-        "share_of_range": region.inside / width if width < float("inf") and width > 0 else None,
-        "center_frequency": region.center,
-        "growth_rate": None if found is None else found.growth_rate,
-        "threshold": region.threshold,
-        "closed_by": remedies,
-    }
-
-
-def _named(tongue: Tongue) -> dict[str, Any]:
-    names = ("label", "kind", "mesh", "harmonic", "mode_p", "mode_q", "frequency_ratio")
-    return {name: getattr(tongue, name) for name in names}
 
 
 def _open(
     config: Config, system: GearSystem, region: OpenRegion, tongue: Tongue, amplitudes: Resonance | None,
     span: tuple[float, float], step: tuple[int, int] | None, trying: bool,
-) -> dict[str, Any]:  # fmt: skip
+) -> DangerousRegion:  # fmt: skip
     """An exact region and, where they are tried, the remedies of first order that hold."""
     from gearstab.info.verified import peak
 
     width, growth = span[1] - span[0], peak(system, region)
     trying &= tongue.kind != SELF_EXCITED
-    tried = _tried(config, system, region, growth, tongue, amplitudes, step) if trying else {}
-    return _named(tongue) | {
-        "boundary_frequency": [region.lower, region.upper],
-        "endless": False,
-        "share_of_range": _inside(region, *span) / width if width < float("inf") and width > 0 else None,
-        "center_frequency": 0.5 * (region.lower + region.upper),
-        "growth_rate": growth,
-        "threshold": None,
-        "closed_by": tried,
-    }
+    return DangerousRegion.of(
+        tongue,
+        boundary_frequency=[region.lower, region.upper],
+        endless=False,
+        share_of_range=_inside(region, *span) / width if width < float("inf") and width > 0 else None,
+        center_frequency=0.5 * (region.lower + region.upper),
+        growth_rate=growth,
+        threshold=None,
+        closed_by=_tried(config, system, region, growth, tongue, amplitudes, step) if trying else Remedies(),
+    )
 
 
 def _tried(
     config: Config, system: GearSystem, region: OpenRegion, growth: float, tongue: Tongue, amplitudes: Resonance | None,
     step: tuple[int, int] | None,
-) -> dict[str, Any]:  # fmt: skip
+) -> Remedies:  # fmt: skip
     """The remedies of a region that exact search near it confirms; ``refuted`` names the kinds of the others."""
     from gearstab.errors import NotPossible
     from gearstab.info import verified
 
     low, high = verified.window(system, tongue, region.width)
     trial = verified.Trial(config, system, region, growth, tongue, min(low, region.lower), max(high, region.upper))
-    closed: dict[str, Any] = {"damping_ratio": None}
+    closed: dict[str, Any] = {}
     refuted = []
     try:
         closed["damping_ratio"] = trial.damping_ratio()
@@ -218,7 +198,7 @@ def _tried(
         held = _held(trial, kind, given)
         closed |= held
         refuted += [] if held else [kind]
-    return closed | ({"refuted": refuted} if refuted else {})
+    return Remedies(**closed, refuted=refuted or None)
 
 
 def _held(trial: Trial, kind: str, given: dict[str, Any]) -> dict[str, Any]:
@@ -314,73 +294,77 @@ def _excluding(system: GearSystem, tongue: Tongue, planets: int) -> list[int]:
 # ---- text
 
 
-def text(found: dict[str, Any], unstable: bool = False) -> str:
+def text(dangerous: DangerousSpeeds, unstable: bool = False) -> str:
     """The ranked regions as a table, or what is next to open; unstable: whether the mean system grows by itself."""
-    unit, scale = found["unit"], found["scale"]
-    within = "" if found["range"] is None else " from {:.6g} to {:.6g}".format(*found["range"])
-    where = f"{found['axis']}{within} {unit}".strip()
-    if found["refused"]:
-        return f"Dangerous speeds: {where}: not listed, as first-order theory {found['refused']}; sweep boundaries."
+    shown, found = dangerous.shown, dangerous.judged
+    within = "" if dangerous.range is None else " from {:.6g} to {:.6g}".format(*dangerous.range)
+    where = f"{shown.name}{within} {shown.unit}".strip()
+    if found is None:
+        return f"Dangerous speeds: {where}: not listed, as first-order theory {dangerous.refused}; sweep boundaries."
     lines = [f"Dangerous speeds: {where} ({_how(found)})", ""]
     if unstable:
         lines.append("The mean system grows by itself, see above: remedies of parametric instability are not tried.")
-    if found["not_judged"] and not found["verified"]:
-        modes = ", ".join(map(str, found["not_judged"]))
+    if found.not_judged and not found.verified:
+        modes = ", ".join(map(str, found.not_judged))
         lines.append(f"First order says nothing of modes without a positive mean stiffness ({modes}).")
-    if found["open"]:
-        columns = {heading: [cell(r["closed_by"]) for r in found["open"]] for heading, cell in CLOSED_BY.items()}
-        columns = {heading: cells for heading, cells in columns.items() if any(cells)}
-        more = zip(*columns.values(), strict=True) if columns else ([] for _ in found["open"])
-        rows = [[*_row(region, scale), *cells] for region, cells in zip(found["open"], more, strict=True)]
-        lines.append(table([*HEADER, *columns], rows))
-        sure = "" if found["verified"] else " to first order, not verified"
-        if columns:
-            lines.append(f"Any one of the last columns closes a region{sure}, or leaves the part of it in brackets.")
-        if found["without_remedies"]:
-            lines.append(
-                "What would close them is not proposed: the rules for it go by real modes, which do not whirl."
-            )
-        elif any(not region["closed_by"] and region["kind"] != SELF_EXCITED for region in found["open"]):
-            lines.append("Remedies were tried for the first regions only.")
-        if found["number_open"] > len(found["open"]):
-            lines.append(f"and {found['number_open'] - len(found['open'])} narrower ones, to first order.")
-    elif found["unstable_share"]:
-        lines.append(f"Unstable at {100 * found['unstable_share']:.3g} % of the speeds; their edges were not found.")
-    elif found["unstable_share"] == 0 or not unstable:
-        lines.append("No region of instability is open there" + ("." if found["verified"] else " to first order."))
-    if not found["open"] and not unstable:
-        lines += [_next(region, scale, unit) for region in found["closest"]]
-    if count := found["number_closed_by_damping"]:
+    if found.open:
+        lines += _table(found, shown.scale)
+    elif found.unstable_share:
+        lines.append(f"Unstable at {100 * found.unstable_share:.3g} % of the speeds; their edges were not found.")
+    elif found.unstable_share == 0 or not unstable:
+        lines.append("No region of instability is open there" + ("." if found.verified else " to first order."))
+    if not found.open and not unstable:
+        lines += [_next(region, shown.scale, shown.unit) for region in found.closest]
+    if count := found.number_closed_by_damping:
         lines.append(f"To first order damping closes {count} region{'s' * (count != 1)} centred there.")
-    if count := found["refuted"]:
+    if count := found.refuted:
         lines.append(f"Left out: {count} remed{'ies' if count > 1 else 'y'} of first order that exact search refutes.")
     return "\n".join(lines)
 
 
-def _how(found: dict[str, Any]) -> str:
+def _table(found: JudgedRegions, scale: float) -> list[str]:
+    """The open regions and what closes them."""
+    columns = {heading: [cell(r.closed_by) for r in found.open] for heading, cell in CLOSED_BY.items()}
+    columns = {heading: cells for heading, cells in columns.items() if any(cells)}
+    more = zip(*columns.values(), strict=True) if columns else ([] for _ in found.open)
+    rows = [[*_row(region, scale), *cells] for region, cells in zip(found.open, more, strict=True)]
+    lines = [table([*HEADER, *columns], rows)]
+    sure = "" if found.verified else " to first order, not verified"
+    if columns:
+        lines.append(f"Any one of the last columns closes a region{sure}, or leaves the part of it in brackets.")
+    if found.without_remedies:
+        lines.append("What would close them is not proposed: the rules for it go by real modes, which do not whirl.")
+    elif any(region.closed_by == Remedies() and region.kind != SELF_EXCITED for region in found.open):
+        lines.append("Remedies were tried for the first regions only.")
+    if found.number_open > len(found.open):
+        lines.append(f"and {found.number_open - len(found.open)} narrower ones, to first order.")
+    return lines
+
+
+def _how(found: JudgedRegions) -> str:
     """How sure the list is."""
-    looked = f"harmonics up to {found['harmonics']}"
-    if not found["verified"]:
+    looked = f"harmonics up to {found.harmonics}"
+    if not found.verified:
         return f"first order, not verified, base system, {looked}"
-    scanned = f" and at {found['scanned']} speeds" if found["scanned"] else ""
+    scanned = f" and at {found.scanned} speeds" if found.scanned else ""
     return f"exact near tongues{scanned}; base system, {looked}"
 
 
-def _row(region: dict[str, Any], scale: float) -> list[str]:
-    edges, share = region["boundary_frequency"], region["share_of_range"]
-    mesh = meshes_text(region["mesh"].split("+"))
+def _row(region: DangerousRegion, scale: float) -> list[str]:
+    edges, share = region.boundary_frequency or (), region.share_of_range
+    mesh = meshes_text(region.mesh.split("+"))
     mesh = mesh if mesh.count(",") < 2 else "several"
-    growth = "-" if region["growth_rate"] is None else f"{region['growth_rate']:.4g}"
+    growth = "-" if region.growth_rate is None else f"{region.growth_rate:.4g}"
     ends = [f"{edge / scale:.6g}" for edge in edges]
-    if region["endless"]:
+    if region.endless:
         ends = ["(no end)", "(no end)"]
-    return [label_text(region["label"]), mesh, *ends, "-" if share is None else f"{100 * share:.2f} %", growth]
+    return [label_text(region.label), mesh, *ends, "-" if share is None else f"{100 * share:.2f} %", growth]
 
 
-def _contact_ratios(closed: dict[str, Any]) -> str:
-    found = closed.get("contact_ratio", {})
+def _contact_ratios(closed: Remedies) -> str:
+    found = closed.contact_ratio or {}
     numbers = {f"{ratio:.4g}" for ratio in found.values()}
-    left = _left(closed.get("contact_ratio_leaves"))
+    left = _left(closed.contact_ratio_leaves)
     if len(numbers) == 1 and len(found) > 1:
         return f"{', '.join(found)} {numbers.pop()}{left}"
     return ", ".join(f"{name} {ratio:.4g}" for name, ratio in found.items()) + left
@@ -391,19 +375,19 @@ def _left(part: float | None) -> str:
     return f" ({100 * part:.2g} %)" if part else ""
 
 
-def _phasing(closed: dict[str, Any], key: str) -> str:
-    p = closed.get("phasing")
+def _phasing(closed: Remedies, key: str) -> str:
+    p = closed.phasing
     return "" if p is None or p["key"] != key else f"{p['mesh']} {p['value']:.4g}{_left(p['leaves'])}"
 
 
-def _sun_teeth(closed: dict[str, Any]) -> str:
-    p = closed.get("sun_teeth_modulo")
+def _sun_teeth(closed: Remedies) -> str:
+    p = closed.sun_teeth_modulo
     return f"{' or '.join(map(str, p['remainders']))} (mod {p['planets']}){_left(p.get('leaves'))}" if p else ""
 
 
 HEADER = ("region", "mesh", "from", "to", "of the sweep", "growth rate")
-CLOSED_BY: dict[str, Callable[[dict[str, Any]], str]] = {
-    "damping ratio": lambda closed: f"{closed['damping_ratio']:.3g}" if closed.get("damping_ratio") else "",
+CLOSED_BY: dict[str, Callable[[Remedies], str]] = {
+    "damping ratio": lambda closed: f"{closed.damping_ratio:.3g}" if closed.damping_ratio else "",
     "contact ratio": _contact_ratios,
     "phasing": lambda closed: _phasing(closed, "phasing"),
     "lag": lambda closed: _phasing(closed, "lag"),
@@ -412,10 +396,8 @@ CLOSED_BY: dict[str, Callable[[dict[str, Any]], str]] = {
 """Heading -> what closes a region, "" where it does not."""
 
 
-def _next(region: dict[str, Any], scale: float, unit: str) -> str:
-    where = f"{region['center_frequency'] / scale:.6g} {unit}".strip()
-    ratio = region["closed_by"].get("damping_ratio")
+def _next(region: DangerousRegion, scale: float, unit: str) -> str:
+    where = f"{region.center_frequency / scale:.6g} {unit}".strip()
+    ratio = region.closed_by.damping_ratio
     less = "" if ratio is None else f" or with a damping ratio below {ratio:.3g}"
-    return (
-        f"{label_text(region['label'])} at {where} opens, to first order, at epsilon x {region['threshold']:.3g}{less}."
-    )
+    return f"{label_text(region.label)} at {where} opens, to first order, at epsilon x {region.threshold:.3g}{less}."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from gearstab.info.records import time_unit
 from gearstab.info.tables import meshes_text, over, table
 
 if TYPE_CHECKING:
@@ -172,16 +173,16 @@ def _onset(system: GearSystem, stable: float, growing: float) -> float:
 
 def rotation_verdict(facts: dict[str, Any]) -> list[str]:
     """Return a line for each stretch of speeds at which the mean system grows by itself."""
-    own, shown = facts["rotations"], facts["dangerous"]
+    own, shown = facts["rotations"], facts["dangerous"].shown
     lines = []
     for part in own["self_excited"] if own else ():
-        ends = [None if end is None else f"{end / shown['scale']:.6g}" for end in (part["from"], part["to"])]
+        ends = [None if end is None else f"{end / shown.scale:.6g}" for end in (part["from"], part["to"])]
         where = f"from {ends[0]} to {ends[1]}" if ends[1] else f"{'from' if part['at_once'] else 'above'} {ends[0]}"
-        rate = f"by up to {part['growth_rate']:.4g} e-folds per {'second' if facts['unit'] else 'unit of time'}"
+        rate = f"by up to {part['growth_rate']:.4g} e-folds per {time_unit(not facts['unit'])}"
         frequency = f"{over(part['frequency'], facts['per_unit']):.6g} {facts['unit']}".strip()
         how = f"flutter at {frequency}" if part["kind"] == "flutter" else "divergence"
         lines.append(
-            f"SELF-EXCITED {where} {shown['unit']}".rstrip() + f" ({shown['axis']}): {how}, {rate}, without any "
+            f"SELF-EXCITED {where} {shown.unit}".rstrip() + f" ({shown.name}): {how}, {rate}, without any "
             "variation of the mesh stiffness."
         )
     return lines
@@ -206,12 +207,12 @@ def rotation_rows(
 
 def rotation_text(facts: dict[str, Any]) -> list[str]:
     """Return the table of natural frequencies at both ends of the range, none without one."""
-    own, shown, unit = facts["rotations"], facts["dangerous"], facts["unit"]
+    own, shown, unit = facts["rotations"], facts["dangerous"].shown, facts["unit"]
     if not own:
         return []
-    ends = [f"{end / shown['scale']:.6g} {shown['unit']}".strip() for end in own["range"]]
+    ends = [f"{end / shown.scale:.6g} {shown.unit}".strip() for end in own["range"]]
     lines = [
-        f"These modes are of the system at rest. With what acts with its speeds of rotation, over the {shown['axis']}:",
+        f"These modes are of the system at rest. With what acts with its speeds of rotation, over the {shown.name}:",
         table(*rotation_rows(own, ends, f" ({unit})" if unit else "", facts["per_unit"])),
     ]
     if own["size"] is not None and own["size"] < SMALL:

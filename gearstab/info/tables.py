@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from gearstab.info.records import unit_asked
+
 OF_TONGUES = ("center_frequency", "half_width", "boundary_frequency", "boundary_error")
 """Keys of a tongue that are frequencies, or distances of them."""
 
@@ -15,32 +17,21 @@ def shown_in(facts: dict[str, Any], text: str) -> dict[str, Any]:
 
     text: rpm, Hz, rad/s or another unit of a speed; SI. Raises ResultError for any other, and for orders.
     """
-    from gearstab.config.model.units import UnitError, scale
     from gearstab.errors import ResultError
-    from gearstab.results.display import ORDER, SI
+    from gearstab.results.display import ORDER
 
-    unit = "rad/s" if text == SI else text
-    if unit == ORDER:
+    if text == ORDER:
         where = (
             "the table of meshes shows theirs" if facts["meshes"][0]["order"] is not None else "and no teeth are given"
         )
         raise ResultError(f"--unit {text}: a natural frequency has an order at a single speed only; {where}")
-    if not facts["unit"]:
-        raise ResultError(f"--unit {text}: this model has no units")
-    try:
-        one = scale(unit, "rad/s")
-    except UnitError:
-        raise ResultError(f"--unit {text}: is no unit of a frequency; give rpm, Hz, rad/s or SI") from None
-    dangerous = facts["dangerous"]
-    # What is shown is over ``scale``, which an input speed's number of teeth is part of.
-    again = one * dangerous["teeth"]
-    ends = dangerous["range"] and [end * dangerous["scale"] / again for end in dangerous["range"]]
+    unit, one = unit_asked(text, not facts["unit"])
     return facts | {
         "unit": unit,
         "per_unit": one,
         "modes": [mode | {"natural_frequency": over(mode["natural_frequency"], one)} for mode in facts["modes"]],
         "tongues": [t | {key: over(t[key], one) for key in OF_TONGUES if key in t} for t in facts["tongues"]],
-        "dangerous": dangerous | {"unit": unit, "scale": again, "range": ends},
+        "dangerous": facts["dangerous"].within(unit, one),
     }
 
 

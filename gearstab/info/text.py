@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from gearstab.info import danger, speeds, train
+from gearstab.info.records import MeanSystem, ShownSpeeds, time_unit
 from gearstab.info.tables import label_text, meshes_text, over, table
 
 FEW_MESHES = 4
@@ -20,8 +21,8 @@ def report(facts: dict[str, Any], every: bool = False) -> str:
     """The facts as readable text. every: list all tongues, however many."""
     parts = [_heading, *((_train,) if facts["train"] else ()), _mesh_table, _mode_table, _reduction_text]
     texts = [part(facts) for part in parts]
-    texts.append(danger.text(facts["dangerous"], facts["mean_system"]["unstable"]))
-    if not facts["dangerous"]["refused"]:
+    texts.append(danger.text(facts["dangerous"], facts["mean_system"].unstable))
+    if not facts["dangerous"].refused:
         texts.append(_tongue_table(facts, every))
     return "\n\n".join(texts)
 
@@ -69,19 +70,18 @@ def _verdict(facts: dict[str, Any]) -> list[str]:
 
     The variation of the mesh stiffness may hold such a system at some speeds, as the scan of the range knows.
     """
-    mean = facts["mean_system"]
-    if not mean["unstable"]:
+    mean: MeanSystem = facts["mean_system"]
+    if not mean.unstable:
         return []
-    growth = max(mean["growth_rate"])
-    frequency = mean["frequency"][mean["growth_rate"].index(growth)]
+    growth, frequency = mean.fastest
     one = "" if not facts["unit"] else f" {facts['unit']}"
-    share = facts["dangerous"]["unstable_share"]
+    share = facts["dangerous"].unstable_share
     verdict = "UNSTABLE"
     if share is not None and share < 1:
         verdict = f"UNSTABLE at {100 * share:.3g} % of the speeds" if share else "STABLE by the varying mesh stiffness"
     return [
         f"{verdict}: the mean system grows by itself, by up to {growth:.4g} e-folds per "
-        f"{'second' if facts['unit'] else 'unit of time'} at the frequency {over(frequency, facts['per_unit']):.6g}"
+        f"{time_unit(not facts['unit'])} at the frequency {over(frequency, facts['per_unit']):.6g}"
         f"{one}."
     ]
 
@@ -92,7 +92,7 @@ def _mean_lines(facts: dict[str, Any]) -> list[str]:
         return []
     mean = facts["mean_system"]
     header = ["motion", "like mode", heading("frequency", facts["unit"]), "growth rate"]
-    motions = enumerate(zip(mean["mode"], mean["frequency"], mean["growth_rate"], strict=True), 1)
+    motions = enumerate(zip(mean.mode, mean.frequency, mean.growth_rate, strict=True), 1)
     rows = [[str(k), str(p), _text(over(w, facts["per_unit"])), f"{g:.5g}"] for k, (p, w, g) in motions]
     return [
         "These modes are of the symmetric mean system. With its damping, the means of its terms and held rotations it "
@@ -220,10 +220,10 @@ def _tongue_table(facts: dict[str, Any], every: bool) -> str:
     order, second = ("first", False) if facts["order"] == 1 else ("second", True)
     title = f"Instability tongues to {order} order at the base system, harmonics 1 to {facts['harmonics']}"
     # Over the axis of the sweep and in the unit typed there, as the dangerous speeds above.
-    swept = facts["dangerous"]
-    one = swept["teeth"] if swept["unit"] == facts["unit"] else swept["scale"]
-    if swept["teeth"] != 1:
-        title += f", by {swept['axis']}"
+    swept: ShownSpeeds = facts["dangerous"].shown
+    one = swept.teeth if swept.unit == facts["unit"] else swept.scale
+    if swept.teeth != 1:
+        title += f", by {swept.name}"
     if not facts["tongues"]:
         return f"{title}: none, no mode of positive mean stiffness is deflected by a mesh."
     if len(facts["tongues"]) > MANY_TONGUES and not every:
@@ -231,7 +231,7 @@ def _tongue_table(facts: dict[str, Any], every: bool) -> str:
     rule, whole = facts["existence_rule"], "+".join(mesh["name"] for mesh in facts["meshes"])
     header = ["tongue", "kind", "mesh", *(["T_p", "T_q"] if rule else [])]
     header += [
-        heading("root" if second else "centre", swept["unit"]),
+        heading("root" if second else "centre", swept.unit),
         "half-width",
         "lower",
         "upper",

@@ -13,21 +13,6 @@ if TYPE_CHECKING:
     from gearstab.systems.gearbox.planet_set import TrainMesh, TrainSet
     from gearstab.systems.gearbox.train import Train
 
-NOTICES = {
-    "undercut": "undercut, the profile shift is {number:.4g} and should be at least {limit:.4g}",
-    "top_land": "its teeth are {number:.3g} modules thick at the tip, less than {limit:.3g}",
-    "interference": "interference, the contact is cut off: its tip would reach the mate {beyond:.3g} mm beyond the "
-    "end of the mate's involute",
-    "fillet_contact": "the mate's tip touches it at the radius {number_mm:.4f} mm, inside its fillet, which ends at "
-    "{limit_mm:.4f} mm",
-    "contact_ratio": "contact breaks off, the contact ratio is {number:.4g}",
-    "tip_clearance": "its tip is {number:.3g} modules off the root of its mate, less than {limit:.3g}",
-    "backlash": "the teeth are too thick for the centre distance by {beyond:.3g} mm",
-    "trochoid_interference": "the tips collide outside of the path of contact, by {beyond_angle:.3g} rad",
-    "trimming": "the pinion cannot be put in radially, for {beyond_angle:.3g} rad",
-}
-"""By the name of a notice of :mod:`gearstab.gears.pair`."""
-
 
 def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
     """All that is said of a train, as plain numbers, texts and lists; None for other kinds of systems."""
@@ -160,6 +145,8 @@ def _relief(mesh: TrainMesh) -> dict[str, float] | None:
 
 
 def _notice(notice: Any, parts: dict[str, str]) -> dict[str, Any]:
+    from gearstab.systems.gearbox.feasibility import NOTICES
+
     beyond = abs(notice.number - notice.limit)
     numbers = {"number": notice.number, "limit": notice.limit, "number_mm": 1e3 * notice.number,
                "limit_mm": 1e3 * notice.limit, "beyond": 1e3 * beyond, "beyond_angle": beyond}  # fmt: skip
@@ -169,7 +156,7 @@ def _notice(notice: Any, parts: dict[str, str]) -> dict[str, Any]:
         "gear": part,
         "number": float(notice.number),
         "limit": float(notice.limit),
-        "text": NOTICES[notice.name].format(**numbers),
+        "text": NOTICES[notice.name].detail.format(**numbers),
     }
 
 

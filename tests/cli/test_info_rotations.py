@@ -66,17 +66,17 @@ def test_a_held_speed_has_the_motions_of_its_own() -> None:
     assert facts["rotations"] is None
     # w^4 - (k_x + k_y + 4 W^2) w^2 + k_x k_y = 0
     expected = np.sqrt(np.sort(np.roots([1.0, -(5.0 + 36.0), 4.0])))
-    np.testing.assert_allclose(facts["mean_system"]["frequency"], expected, rtol=1e-8)
+    np.testing.assert_allclose(facts["mean_system"].frequency, expected, rtol=1e-8)
     assert "held rotations" in report(facts)
 
 
 def test_dangerous_speeds_of_a_rotor_are_those_at_which_vibration_grows() -> None:
     config = load(SPINNING / "rotor.yaml")
     facts, system = describe(config), config.system.build()
-    found, (first, last) = facts["dangerous"], facts["frequency_range"]
-    ends = np.array([region["boundary_frequency"] for region in found["open"]])
-    assert "2w6" in {region["label"] for region in found["open"]}
-    assert found["number_open"] > len(found["open"]) >= 10
+    found, (first, last) = facts["dangerous"].judged, facts["frequency_range"]
+    ends = np.array([region.boundary_frequency for region in found.open])
+    assert "2w6" in {region.label for region in found.open}
+    assert found.number_open > len(found.open) >= 10
     growth = solve(system, (ends[..., None] * [1 - NEAR, 1 + NEAR]).ravel()).growth_rate[0].reshape((*ends.shape, 2))
     within = (ends > first) & (ends < last)
     assert (growth[:, 0, 1][within[:, 0]] > 0).all()

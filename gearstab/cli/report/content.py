@@ -7,9 +7,10 @@ from math import isnan
 from typing import TYPE_CHECKING, Any
 
 from gearstab.cli.report import facts, sections
-from gearstab.cli.report.facts import ShownSpeeds, State
+from gearstab.cli.report.facts import State
 from gearstab.cli.report.page import Block, BulletList, Heading, Page, Table, Text
 from gearstab.errors import NotPossible
+from gearstab.info.records import MeanSystem, ShownSpeeds, time_unit, unit_asked
 from gearstab.info.tables import label_text
 from gearstab.results.display import in_brackets
 
@@ -132,38 +133,25 @@ def _shown(config: Config, state: State, unit: str) -> ShownSpeeds:
 
     Raises ResultError for a unit that is none of a speed.
     """
-    from gearstab.config.model.units import UnitError, scale
-    from gearstab.errors import ResultError
-    from gearstab.results.display import SI, unit_of
-
-    own, factor = unit_of(state.system, "rad/s"), state.spans[0].factor
-    plain = "time" in state.system.dimensionless
+    factor, dimensionless = state.spans[0].factor, "time" in state.system.dimensionless
     swept = (axis.typed_units for axis in config.axes if axis.mesh_frequency is not None)
     typed = next(swept, "") if config.design is None else config.design.ranges[0].shown_units
-    wanted = "" if unit == SI else unit or typed
-    if unit and plain:
-        raise ResultError(f"--unit {unit}: this model has no units")
-    try:
-        one = scale(wanted, "rad/s") if wanted else 1.0
-    except UnitError:
-        raise ResultError(f"--unit {unit}: is no unit of a speed; give rpm, Hz, rad/s or SI") from None
-    name = "input speed" if factor != 1 else "mesh frequency"
-    return ShownSpeeds(name, wanted or ("" if own == "1" else own), factor * one)
+    default = "" if dimensionless else "rad/s"
+    wanted, one = unit_asked(unit or typed, dimensionless) if unit or typed else (default, 1.0)
+    return ShownSpeeds("input speed" if factor != 1 else "mesh frequency", wanted, factor * one, factor)
 
 
 def _mean(state: State) -> list[str]:
     """A verdict on a mean system that grows by itself, none on others."""
-    from gearstab.floquet.general.mean import mean_motions
-
-    largest = float(mean_motions(state.system).growth_rate.max())
-    return [] if largest <= 0 else [
-        f"The mean system is unstable by itself: it grows by {largest:.4g} e-folds per {_time(state)} without any "
-        "variation of the mesh stiffness."
+    mean = MeanSystem.of(state.system)
+    return [] if not mean.unstable else [
+        f"The mean system is unstable by itself: it grows by {mean.fastest[0]:.4g} e-folds per {_time(state)} without "
+        "any variation of the mesh stiffness."
     ]  # fmt: skip
 
 
 def _time(state: State) -> str:
-    return "unit of time" if "time" in state.system.dimensionless else "second"
+    return time_unit("time" in state.system.dimensionless)
 
 
 def _verdict(state: State, shown: ShownSpeeds) -> str:

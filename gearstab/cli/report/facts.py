@@ -23,6 +23,7 @@ from gearstab.floquet.frequencies.choice import AFFORDABLE, Strategy, common_per
 from gearstab.floquet.general.whirl import whirl_motions
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
+from gearstab.info.records import DangerousRegion, ShownSpeeds
 from gearstab.info.tables import label_text
 from gearstab.methods.floquet import Floquet
 from gearstab.modal import modal_damping_ratios
@@ -46,28 +47,6 @@ OPEN, CLOSED, NOT_FOUND = "open", "closed by damping", "no growth found"
 """Verdicts on a region."""
 INSIDE = 65
 """Speeds in and next to a region of first order at which growth is looked for."""
-
-
-@dataclass(frozen=True)
-class ShownSpeeds:
-    """How a report writes speeds: the mesh frequency over ``scale``, with the name and unit of what was typed."""
-
-    name: str
-    unit: str
-    scale: float
-
-    @property
-    def brackets(self) -> str:
-        """The unit for a heading."""
-        return f" ({self.unit})" if self.unit else ""
-
-    def text(self, *speeds: float) -> str:
-        """Return ``4.9 to 5.9`` of mesh frequencies."""
-        return " to ".join(f"{speed / self.scale:.5g}" for speed in speeds)
-
-    def with_unit(self, *speeds: float) -> str:
-        """Return ``4.9 to 5.9 rpm`` of mesh frequencies."""
-        return f"{self.text(*speeds)} {self.unit}".strip()
 
 
 @dataclass(frozen=True)
@@ -153,10 +132,10 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     """
     growth = Floquet.whole(config.methods.floquet, system).solved(speeds).growth_rate[0]
     found = [judged(config, system, span.low, span.high, HARMONICS) for span in spans]
-    sure = {one["verified"] for one in found} == {True}
-    opened = [_reach(system, row, True) for one in found for row in one["open"]]
+    sure = {one.verified for one in found} == {True}
+    opened = [_reach(system, row, True) for one in found for row in one.open]
     rows = {item.label: item if sure else _looked_at(item, config, system) for item in opened}
-    closed = {row["label"]: _reach(system, row, False) for one in found for row in one["closest"]}
+    closed = {row.label: _reach(system, row, False) for one in found for row in one.closest}
     reaching = sorted(({**closed, **rows}).values(), key=lambda item: item.lower)
     near = regions.reach(min(span.low for span in spans), max(span.high for span in spans))
     uncovered, period = None, common_period(system)
@@ -173,7 +152,7 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     outside = min(((d, label) for d, label in away if d > 0), default=None)
     return State(
         word, system, spans, config, tuple(reaching), max(len(open_) - len(rows), 0), real, open_, speeds, growth,
-        outside, complete, sure, sum(one["refuted"] for one in found), uncovered or "",
+        outside, complete, sure, sum(one.refuted for one in found), uncovered or "",
     )  # fmt: skip
 
 
@@ -224,18 +203,16 @@ def _label(lower: float, upper: float, members: Sequence[Tongue], rows: Iterable
     return " & ".join(names[:NAMED]) + more
 
 
-def _reach(system: GearSystem, row: dict[str, Any], open_: bool) -> Reach:
-    """A region as a row of :func:`gearstab.info.danger.judged` has it."""
-    modes = row["mode_p"], row["mode_q"]
-    closed = row["closed_by"]
-    ratios = _damping_ratios(system, row["center_frequency"])
-    available = NONE if row["kind"] == SELF_EXCITED else float(min(ratios[mode - 1] for mode in modes))
-    edges = row["boundary_frequency"] if open_ else [row["center_frequency"]] * 2
-    cells = {name: cell(closed) for name, cell in CLOSED_BY.items() if name != "damping ratio"}
+def _reach(system: GearSystem, row: DangerousRegion, open_: bool) -> Reach:
+    """A region with the damping ratios of its modes."""
+    modes = row.mode_p, row.mode_q
+    ratios = _damping_ratios(system, row.center_frequency)
+    available = NONE if row.kind == SELF_EXCITED else float(min(ratios[mode - 1] for mode in modes))
+    lower, upper = row.boundary_frequency if open_ and row.boundary_frequency else [row.center_frequency] * 2
+    cells = {name: cell(row.closed_by) for name, cell in CLOSED_BY.items() if name != "damping ratio"}
     words = "; ".join(f"{name}: {text}" for name, text in cells.items() if text) if open_ else ""
-    required = closed.get("damping_ratio") or NONE
-    return Reach(row["label"], row["kind"], modes, edges[0], edges[1], required, available,
-                 OPEN if open_ else CLOSED, words or "-")  # fmt: skip
+    required = row.closed_by.damping_ratio or NONE
+    return Reach(row.label, row.kind, modes, lower, upper, required, available, OPEN if open_ else CLOSED, words or "-")
 
 
 def _damping_ratios(system: GearSystem, omega: float) -> Array:

@@ -7,9 +7,10 @@ from math import pi
 from typing import TYPE_CHECKING, Any
 
 from gearstab.cli.report import contact, facts
-from gearstab.cli.report.facts import ShownSpeeds, State
+from gearstab.cli.report.facts import State
 from gearstab.cli.report.page import Block, BulletList, Heading, Picture, Table, Text
 from gearstab.errors import NotPossible, UserError
+from gearstab.info.records import ShownSpeeds
 from gearstab.results.display import in_brackets
 
 if TYPE_CHECKING:

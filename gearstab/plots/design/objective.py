@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import mesh_numbers
 from gearstab.plots.drawing.style import GROWTH, LINE, new_figure, write_legend, write_title
-from gearstab.plots.drawing.text import axis_label, bracketed, fitted, path_words, short_label
+from gearstab.plots.drawing.text import axis_label, bracketed, fitted, path_words, plain, short_label
 from gearstab.plots.kinds import Kind
 from gearstab.plots.view import Request
 
@@ -46,7 +46,9 @@ def objective_label(data: xr.Dataset, place: int = 0) -> str:
     """An objective with its unit: that of the quantity, or of the sum that all objectives are."""
     name = str(data["objective"].values[place])
     units = dict(zip(data["quantity"].values, data["quantity_units"].values, strict=True)) if "quantity" in data else {}
-    return name.replace("_", " ") + bracketed(str(units.get(name, data["objective_optimum"].attrs.get("units", "1"))))
+    return plain(name.replace("_", " ")) + bracketed(
+        str(units.get(name, data["objective_optimum"].attrs.get("units", "1")))
+    )
 
 
 LINES = 7
@@ -168,13 +170,13 @@ def draw_tornado(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str,
     place = np.arange(len(known), dtype=float)
     bars = [
         ax.barh(place + 0.19 - 0.38 * k, np.nan_to_num(change[order, k]), left=best, height=0.34, color=COLOURS[k],
-                label=WORDS[k])
+                label=plain(WORDS[k]))
         for k in range(2)
     ]  # fmt: skip
     ax.axvline(best, color=LINE, linewidth=0.8)
     names = [symbol_of(tree, str(data["variable"].values[known[k]])) for k in order]
     texts = [str(data["optimum_text"].values[known[k]]) for k in order]
-    ax.set_yticks(place, [f"{name} = {text}" for name, text in zip(names, texts, strict=True)])
+    ax.set_yticks(place, [f"{name} = {plain(text)}" for name, text in zip(names, texts, strict=True)])
     ax.tick_params(axis="y", which="both", length=0)
     ax.set_xlabel(objective_label(data))
     write_legend(figure, bars)

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import io
 import logging
-import re
+import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from logging.handlers import BufferingHandler
 from math import ceil
 from pathlib import Path
 from shutil import which
@@ -135,40 +136,24 @@ def style(name: str = "") -> Iterator[None]:
             raise PlotError(f"--style {name}: LaTeX cannot set the text of this figure: {why.lstrip('! ')}") from error
 
 
-class _Mistakes(logging.Handler):
-    """Collects what matplotlib warns of in a style sheet, one line each, with what is to be done."""
-
-    REMEDIES = (("Missing colon", "write NAME: VALUE"), ("Duplicate key", "leave one of the two out"),
-                ("Bad key", "matplotlib has no parameter of this name"))  # fmt: skip
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.lines: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        said = record.getMessage().strip().splitlines()[0]
-        remedy = next((words for start, words in self.REMEDIES if said.startswith(start)), "")
-        found = re.search(r"line (\d+) \((.*)\)(?:: (.*))?$", said)
-        self.lines.append(f"line {found[1]}: {found[2]}: {found[3] or remedy}" if found else said)
-
-
 def _use_sheet(name: str) -> None:
     """Use a style sheet. Raises PlotError for an unknown one, and for all that matplotlib would warn of in one."""
-    log, mistakes = logging.getLogger("matplotlib"), _Mistakes()
+    log, mistakes = logging.getLogger("matplotlib"), BufferingHandler(sys.maxsize)
     propagate, log.propagate = log.propagate, False
     log.addHandler(mistakes)
     try:
         mpl.style.use(name)
     except UnicodeDecodeError:
-        mistakes.lines = ["is not a text file"]
+        raise PlotError(f"--style {name}: is not a text file") from None
     except OSError:
         known = listed([LATEX, *(known for known in mpl.style.available if not known.startswith("_"))])
         raise PlotError(f"--style {name}: no style sheet of this name; use a file, or {known}") from None
     finally:
         log.removeHandler(mistakes)
         log.propagate = propagate
-    if mistakes.lines:
-        raise PlotError("\n".join(f"--style {name}: {line}" for line in mistakes.lines))
+    if mistakes.buffer:
+        first_lines = [record.getMessage().strip().splitlines()[0] for record in mistakes.buffer]
+        raise PlotError("\n".join(f"--style: {line}; mend the line or remove it" for line in first_lines))
 
 
 def new_figure(request: Request, aspect: float | tuple[float, float], default: str = "single") -> Figure:

@@ -76,7 +76,7 @@ def with_index(base: str, index: str) -> str:
 
 def unit_text(units: str) -> str:
     """``1/s`` to s^-1, ``kg*m**2`` to kg m^2; empty for dimensionless."""
-    units = units.strip()
+    units = units.strip().replace("%", plain("%"))
     if units in ("", "1", "dimensionless"):
         return ""
     if units.startswith("1/") and re.fullmatch(r"\w+", units[2:]):

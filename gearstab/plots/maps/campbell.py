@@ -50,6 +50,7 @@ TOGETHER = 1e-6, 0.005, 0.01, 0.02, 0.04
 """Natural frequencies closer than this part of the frame have one name: the first with which all names find room."""
 KILOHERTZ = 2000.0
 """Frames that reach this frequency, Hz, are drawn in kHz."""
+EN_DASH = "\N{EN DASH}"
 NAMED = 12
 """Regions that are named at the most, the widest."""
 
@@ -327,7 +328,7 @@ def numbers_of(group: Array) -> str:
     """Write the numbers, from 1, of modes from 0: ``3``, ``3,4``, or ``3-7`` of more in a row."""
     own = sorted(int(k) + 1 for k in group)
     if len(own) > 2 and own[-1] - own[0] == len(own) - 1:
-        return f"{own[0]}\N{EN DASH}{own[-1]}"
+        return rf"{own[0]}\text{{{EN_DASH}}}{own[-1]}"
     return ",".join(map(str, own))
 
 

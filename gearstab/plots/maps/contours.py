@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from gearstab.errors import PlotError
 from gearstab.plots.drawing import grid
 from gearstab.plots.drawing.style import GROWTH, LIGHT, LINE
-from gearstab.plots.drawing.text import axis_label, number_text
+from gearstab.plots.drawing.text import axis_label, number_text, plain
 from gearstab.plots.kinds import PROBABILITY as NAME
 from gearstab.plots.kinds import REQUIRED, Contents, Kind
 from gearstab.plots.maps.stability_map import whole_map
@@ -106,7 +106,7 @@ def draw_probability(tree: xr.DataTree, request: Request) -> tuple[Figure, Artis
             dashes = [DASHES[levels.index(level) % len(DASHES)] for level in drawn.levels]
             drawn.set_linestyle(dashes)
             entries = [
-                Line2D([], [], color=LINE, linewidth=0.6, linestyle=dash, label=f"{number_text(100 * level)} %")
+                Line2D([], [], color=LINE, linewidth=0.6, linestyle=dash, label=plain(f"{number_text(100 * level)} %"))
                 for level, dash in zip(drawn.levels, dashes, strict=True)
             ]
         return artists | {"entries": entries}, "probability of instability"

@@ -19,6 +19,7 @@ from matplotlib.patches import Patch
 from gearstab.plots.axes import FigureAxis
 from gearstab.plots.drawing import grid
 from gearstab.plots.drawing.style import FAILED, LINE, PROVED
+from gearstab.plots.drawing.text import plain
 from gearstab.plots.drawing.tongues import parameter_axis
 from gearstab.plots.view import MapView, View
 from gearstab.results.display import SPEEDS
@@ -36,12 +37,6 @@ FLAGS = {
 """By flag of ``status``: what the legend says, and the hatching."""
 REASONS = {"no_periodic_orbit": ("no periodic orbit", "")}
 """By flag of points without a value."""
-NOTICES = {
-    "undercut": ("undercut", "-" * 4), "interference": ("interference", "|" * 4),
-    "contact_ratio": ("contact breaks off", "|" * 4), "trochoid_interference": ("interference", "|" * 4),
-}  # fmt: skip
-"""By notice of the teeth."""
-
 HALO: dict[str, Any] = {"linewidth": 3.6, "alpha": 0.28, "solid_capstyle": "butt", "zorder": 1.2}
 
 
@@ -54,8 +49,12 @@ def doubtful(tree: xr.DataTree, dataset: xr.Dataset, view: View, *dims: str) -> 
     known = {name: text for name, text in FLAGS.items() if linear or name != "separation"}
     found = _masks(dataset.data_vars.get("status"), known, view, dims)
     if "teeth" in tree.children:
+        from gearstab.systems.gearbox.feasibility import NOTICES
+
         notices = tree["teeth"].to_dataset().data_vars.get("notices")
-        for words, mask in _masks(notices, NOTICES, view, dims).items():
+        shown = {name: (words.short, ("-" if name == "undercut" else "|") * 4) for name, words in NOTICES.items()}
+        known = {name: words for name, words in shown.items() if words[0]}
+        for words, mask in _masks(notices, known, view, dims).items():
             found[words] = found[words] | mask if words in found else mask
     return found
 
@@ -235,5 +234,5 @@ def legend_of_proved(tint: ProvedTint | None) -> list[Patch]:
     stable = [Patch(facecolor=PROVED, label="proved stable")] if tint.get_paths() else []
     if tint.certified is None:
         return stable
-    label = f"certified, {100 * tint.certified:.2f} % of the range"
+    label = plain(f"certified, {100 * tint.certified:.2f} % of the range")
     return [*stable, Patch(facecolor="none", edgecolor=CERTIFIED, hatch="////", linewidth=0, label=label)]

@@ -135,7 +135,7 @@ def sidebands(tree: xr.DataTree, panel: xr.DataArray, x: Array, ax: Axes, unit: 
         if x[k] < end and all(abs(x[k] - x[other]) > APART * end for other in chosen):
             chosen.append(int(k))
     ax.text(
-        0.99, 0.96, f"numbers: orders of the shaft of {str(known['weak_teeth']).split(chr(10))[of]}",
+        0.99, 0.96, f"numbers: orders of the shaft of {plain(str(known['weak_teeth']).split(chr(10))[of])}",
         transform=ax.transAxes, ha="right", va="top", fontsize=6,
     )  # fmt: skip
     return [

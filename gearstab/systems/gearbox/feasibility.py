@@ -6,6 +6,7 @@ What keeps teeth from being computed is a conflict, what is wrong with teeth tha
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import islice, product
 from typing import Any
 
@@ -127,11 +128,56 @@ def _place(p: Any, name: str) -> Path:
     return ("meshes", [mesh.name for mesh in p.meshes].index(name))
 
 
-NOTICE_FLAGS = {
-    "undercut": 1, "top_land": 2, "interference": 4, "fillet_contact": 8, "contact_ratio": 16, "tip_clearance": 32,
-    "backlash": 64, "trochoid_interference": 128, "trimming": 256,
+@dataclass(frozen=True)
+class NoticeWords:
+    """A notice in a result, and in words: its bit, what teeth do in a note, what a gear is told, and what a map says.
+
+    detail: of the gear, with the numbers of a notice. short: "" where maps do not show it.
+    """
+
+    bit: int
+    teeth: str
+    detail: str
+    short: str = ""
+
+
+NOTICES = {
+    "undercut": NoticeWords(
+        1, "are undercut", "undercut, the profile shift is {number:.4g} and should be at least {limit:.4g}", "undercut"
+    ),
+    "top_land": NoticeWords(
+        2, "are pointed", "its teeth are {number:.3g} modules thick at the tip, less than {limit:.3g}"
+    ),
+    "interference": NoticeWords(
+        4, "interfere, so that contact is cut off", "interference, the contact is cut off: its tip would reach the "
+        "mate {beyond:.3g} mm beyond the end of the mate's involute", "interference",
+    ),
+    "fillet_contact": NoticeWords(
+        8, "touch inside of a fillet", "the mate's tip touches it at the radius {number_mm:.4f} mm, inside its fillet, "
+        "which ends at {limit_mm:.4f} mm",
+    ),
+    "contact_ratio": NoticeWords(
+        16, "lose contact (contact ratio below 1)", "contact breaks off, the contact ratio is {number:.4g}",
+        "contact breaks off",
+    ),
+    "tip_clearance": NoticeWords(
+        32, "come too close to a root", "its tip is {number:.3g} modules off the root of its mate, less than "
+        "{limit:.3g}",
+    ),
+    "backlash": NoticeWords(
+        64, "are too thick for the centre distance", "the teeth are too thick for the centre distance by {beyond:.3g} "
+        "mm",
+    ),
+    "trochoid_interference": NoticeWords(
+        128, "collide outside of the path of contact", "the tips collide outside of the path of contact, by "
+        "{beyond_angle:.3g} rad", "interference",
+    ),
+    "trimming": NoticeWords(
+        256, "cannot be put in radially", "the pinion cannot be put in radially, for {beyond_angle:.3g} rad"
+    ),
 }  # fmt: skip
-"""Bits by the names of :class:`gearstab.gears.Notice`."""
+"""By the names of :class:`gearstab.gears.Notice`."""
+NOTICE_FLAGS = {name: words.bit for name, words in NOTICES.items()}
 
 GEOMETRY = frozenset({*OF_GEAR, "helix_angle", "teeth", "centre_distance"})
 """Parameters that the notices depend on, by their own names."""

@@ -15,7 +15,9 @@ from gearstab.gears.geometry import Gear
 from gearstab.gears.pair import Pair
 from gearstab.info import train as info_train
 from gearstab.info.configuration import describe
+from gearstab.info.records import plain
 from gearstab.info.text import report
+from gearstab.systems.gearbox.feasibility import NOTICES
 
 SMALL = scene_text("gearbox_info_small")
 
@@ -60,7 +62,7 @@ def test_notices_name_the_gear_and_the_numbers(small: dict[str, Any]) -> None:
     beyond = [n for n in pair.notices if n.name == "interference"]
     assert beyond
     assert {n["name"] for n in found} >= {"undercut", "interference", "fillet_contact"}
-    assert all(n["name"] in info_train.NOTICES for n in found)
+    assert all(n["name"] in NOTICES for n in found)
     assert "left: interference, the contact is cut off: its tip would reach" in text
 
 
@@ -76,7 +78,7 @@ def test_the_energy_of_every_elastic_mode_is_shared_out(small: dict[str, Any]) -
 def test_the_report_of_the_tractor_gearbox(root: Path) -> None:
     config = load(root / "configs/kuria_kihiu_2008/gearbox.yaml", ["methods={floquet: {frequencies: per_mesh}}"])
     facts = describe(config, 1)
-    json.dumps(facts, allow_nan=False)
+    json.dumps(plain(facts), allow_nan=False)
     text = report(facts)
     for force in REFERENCE["given_table_II"]["W_static"]:
         assert any(round(mesh["force"]) == force for mesh in facts["train"]["meshes"])

@@ -275,14 +275,14 @@ def test_every_mode_below_the_top_is_named_once() -> None:
     numbers: list[int] = []
     for text in artists["panels"][0]["mode_names"].texts:
         for part in text.get_text().strip("$").removeprefix(r"\omega_{").rstrip("}").split(","):
-            first, _, last = part.partition("\N{EN DASH}")
+            first, _, last = part.partition("\\text{\N{EN DASH}}")
             numbers += range(int(first), int(last or first) + 1)
     assert sorted(numbers) == list(range(1, count + 1))
 
 
 @pytest.mark.parametrize("slopes", [(0.5, 1.0, 1.5), (0.5,), (0.5, 1.0, 40.0), (4000.0,)])
 def test_orders_along_the_edge_of_the_frame_have_numbers_too(slopes) -> None:
-    """Of a frame of 1000 by 10, whose numbers are about 40 high: lines below that, or that leave it at once."""
+    """A frame of 1000 by 10, whose numbers are about 40 high: lines below that, or that leave it at once."""
     figure, ax = new_frame(Request(dpi=100), 1.0)
     ax.set(xlim=(0, 10), ylim=(0, 1000))
     orders = [draw_order(ax, slope, 0.0, k + 1, "blue", "") for k, slope in enumerate(slopes)]
