@@ -20,7 +20,8 @@ from gearstab.config.model.axes import SPEEDS, Array, Axis, SpeedAxis, replaced
 from gearstab.config.model.conflicts import report_errors
 from gearstab.config.model.fields import Section
 from gearstab.config.model.reading import WRONG, read, told
-from gearstab.config.model.units import Quantity, typed_unit
+from gearstab.config.model.units import typed_unit
+from gearstab.config.model.values import Quantity
 from gearstab.config.samples import check_samples, read_files
 from gearstab.config.sections import sweep
 from gearstab.config.sections.dimensions import report_all

@@ -14,7 +14,7 @@ from gearstab.config.document.tree import Document, value_at
 from gearstab.config.model.axes import Array, Axis
 from gearstab.config.model.columns import columns_of, factor
 from gearstab.config.model.conflicts import plain_number
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity
 from gearstab.config.sections.dimensions import quantity_at
 from gearstab.waveforms import Sampled, TorqueTable, Waveform
 from gearstab.waveforms.sampled import out_of_table

@@ -8,9 +8,9 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, within
-from gearstab.config.model.fields import Choice, Length, NameText, NonNegative, NonNegativeLength, Section, optional
+from gearstab.config.model.fields import Length, NameText, NonNegative, NonNegativeLength, Section, optional
 from gearstab.config.model.reading import WRONG, known
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Choice, Quantity
 from gearstab.systems.parts.faults import Fault, absent_gear, excluded
 from gearstab.systems.parts.forcing import GearError, TransmissionError
 from gearstab.systems.parts.mesh import Lag, NamedToothMesh, StiffnessOfTeeth, following_conflicts, given_by_teeth

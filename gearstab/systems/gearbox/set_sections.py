@@ -12,8 +12,6 @@ from gearstab.config.document.problems import nearest
 from gearstab.config.document.tree import Document, mapping, sequence
 from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, within_each, wrong_length
 from gearstab.config.model.fields import (
-    Choice,
-    Count,
     Inertia,
     Length,
     Mass,
@@ -28,7 +26,7 @@ from gearstab.config.model.fields import (
     optional,
 )
 from gearstab.config.model.reading import WRONG, known, told
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Choice, Count, Quantity
 from gearstab.systems.gearbox.bodies import Rotor, Support, Teeth
 from gearstab.systems.gearbox.mesh import MEANS, TrainMeshKeys, relief_conflicts
 from gearstab.systems.parts.faults import Fault, fault_conflicts

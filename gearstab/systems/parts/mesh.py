@@ -13,7 +13,6 @@ from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one, 
 from gearstab.config.model.fields import (
     AnyRatio,
     ByCoordinate,
-    Choice,
     ContactRatio,
     Flag,
     NameText,
@@ -26,7 +25,7 @@ from gearstab.config.model.fields import (
     optional,
 )
 from gearstab.config.model.reading import descriptions, known
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Choice, Quantity
 from gearstab.mesh import Mesh
 from gearstab.system import Array
 from gearstab.systems.parts.forcing import TransmissionError

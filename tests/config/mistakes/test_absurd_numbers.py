@@ -6,8 +6,7 @@ import pytest
 from scenes import ran
 
 from gearstab.config import ConfigError, load
-from gearstab.config.model.fields import LARGEST_RATIO
-from gearstab.config.model.units import LARGEST_NUMBER, SMALLEST_NUMBER
+from gearstab.config.model.values import LARGEST_NUMBER, LARGEST_RATIO, SMALLEST_NUMBER
 
 TRAIN = """\
 system:
