@@ -88,7 +88,7 @@ def check_levels(document: Document, grid: Grid[Any], index: str | int) -> None:
 
     points = extreme_points(grid, concerns)
     selections: list[Selection] = [points] if points else [{}]
-    if points and grid.base_is_asked_for:
+    if points and getattr(grid, "respond", None) is not None:  # which asks for the base values
         selections.append({})
     allowed = grid.system.allow_negative_stiffness
     for selection in selections:

@@ -75,8 +75,15 @@ def also(form: dict[str, Any]) -> Callable[[dict[str, Any]], None]:
 Whole = BeforeValidator(whole)
 
 
+def closed(properties: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """Return the schema of a mapping that has no other keys. more: keywords of the schema."""
+    return {"type": "object", "additionalProperties": False, "properties": properties} | more
+
+
 NUMBER = {"type": ["number", "string"]}
 """Schema of a number, or a text with its unit, or an exact ratio; which of them the parameter decides."""
+PAIR = {"type": "array", "minItems": 2, "maxItems": 2, "items": NUMBER}
+"""Schema of two numbers."""
 AnyNumber = Annotated[Any, WithJsonSchema(NUMBER)]
 Flag = StrictBool
 NameText = Annotated[str, AfterValidator(name)]
