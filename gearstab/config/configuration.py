@@ -56,11 +56,6 @@ class Config(Grid["System"]):
         """Kind of the system."""
         return str(self.tree["system"]["kind"])
 
-    @property
-    def base_is_asked_for(self) -> bool:
-        """Whether a response asks for it, or there are no axes."""
-        return not self.axes or self.respond is not None
-
     def problem(self, path: Path, code: Code, message: str, hint: str) -> Problem:
         """Report a mistake found after validation, at its line and with the value given there."""
         value = self.document.get(path)

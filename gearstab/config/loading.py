@@ -177,9 +177,8 @@ def load(
     system = read_system(document, source)
     respond = read_respond(document, None if system is None else system.section)
     chosen = read_methods(document, source, system)
-    if system is None or chosen is None:
+    if system is None or chosen is None or document.problems:
         raise ConfigError(document.problems)
-    document.stop()
     sections = {
         "system": system.plain,
         "sweep": system.specs,
@@ -227,9 +226,8 @@ def system_with(config: Config, values: Mapping[str, Any]) -> System:
         sweep = {"case": [{"label": str(k), **dict(zip(arrays, row, strict=True))} for k, row in rows]}
     document = document_of({"system": config.tree["system"], "sweep": sweep}, "values")
     system = read_system(document, config.source)
-    if system is None or not system.plain:
+    if system is None or document.problems:
         raise ConfigError(document.problems)
-    document.stop()
     found = replace(config, system=system.section, axes=system.axes, respond=None, document=document)
     plausibility.check(document, found)
     return found.at({axis.name: np.reshape(index, shape) for axis in system.axes})

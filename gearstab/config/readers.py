@@ -14,20 +14,22 @@ from pydantic import Field, create_model
 from pydantic_core import PydanticCustomError
 
 from gearstab.config.configuration import Config
-from gearstab.config.document.problems import ConfigError, Path, Problem, dotted, nearest
-from gearstab.config.document.tree import Document, names_set, value_at
+from gearstab.config.document.problems import ConfigError, Path, Problem, nearest
+from gearstab.config.document.tree import Document, names_set
 from gearstab.config.model.axes import SPEEDS, Array, Axis, SpeedAxis, replaced
 from gearstab.config.model.conflicts import report_errors
 from gearstab.config.model.fields import Section
 from gearstab.config.model.reading import WRONG, read, told
-from gearstab.config.model.units import Quantity, typed_unit
-from gearstab.config.samples import check_samples, read_files
+from gearstab.config.model.units import typed_unit
+from gearstab.config.model.values import Quantity
+from gearstab.config.samples import with_samples
 from gearstab.config.sections import sweep
 from gearstab.config.sections.dimensions import report_all
 from gearstab.config.sections.expansion import build
 from gearstab.config.sections.sweep import Context
 from gearstab.config.sections.targets import INPUT_SPEED, UNKNOWN_TEETH, Target
-from gearstab.methods import METHODS, POINTS, RANGE, OptionError, chosen
+from gearstab.methods import METHODS, POINTS, RANGE, OptionError
+from gearstab.methods import chosen as chosen_methods
 from gearstab.system import GearSystem
 from gearstab.systems.base import System
 
@@ -88,18 +90,19 @@ def read_system(document: Document, source: FilePath) -> SystemSections | None:
     contents = model.complete(document, source)
     bare, errors = read(model, document.data["system"])
     section = bare.with_files(contents) if contents else bare
-    samples, doubts = read_files(document, section, source)
     context = Context(document, section)
     layouts, variables = sweep.layouts(context), []
+    unheeded = list(sweep.without_effect(document, layouts))
     if "design" in document.data:
         from gearstab.config.sections import design
 
         variables = design.layouts(context)
     base, targets = list(sweep.base_values(context, [*layouts, *variables])), {}
-    if (tolerance := document.get(("methods", "tolerance"))) is not None:
+    methods = document.data.get("methods")
+    if isinstance(methods, dict) and methods.get("tolerance") is not None:
         from gearstab.config.sections import uncertain
 
-        targets = uncertain.resolve(context, tolerance)
+        targets = uncertain.resolve(context, methods["tolerance"])
         base += uncertain.base_values(context, targets)
     for path, value, place in reversed(base):  # the first one counts
         bare, section = (replaced(each, path, value) for each in (bare, section))
@@ -110,18 +113,14 @@ def read_system(document: Document, source: FilePath) -> SystemSections | None:
     built = [found for layout in layouts if (found := build(document, section, layout))]
     axes, specs = tuple(axis for axis, _ in built), {axis.name: spec for axis, spec in built}
     wanted = design.read(context, variables) if "design" in document.data else None
-    doubts += sweep.without_effect(document, layouts)
     plain: dict[str, Any] = {}
     wrong = any(value is WRONG for _, value, _ in base)
     if not wrong and all(("system", *error["loc"]) in given for error in errors):
         if section.damping is None and section.damping_ratio is None:
             bare, section = (each.model_copy(update={"damping_ratio": 0.0}) for each in (bare, section))
         plain = {"kind": document.data["system"]["kind"]} | bare.model_dump(mode="json", exclude_none=True)
-        for where, held, columns in samples.values():
-            section = replaced(section, where, value_at(section, where).model_copy(update=held))
-            contents[dotted(where)] = columns
-        check_samples(document, section, axes)
-    return SystemSections(plain, section, contents, axes, specs, context, targets, wanted, doubts)
+    section, columns, doubts = with_samples(document, section, source, axes if plain else None)
+    return SystemSections(plain, section, contents | columns, axes, specs, context, targets, wanted, doubts + unheeded)
 
 
 RAMP = ("respond", "ramp")
@@ -224,7 +223,8 @@ def read_methods(
         tolerance: Any = methods.tolerance
         uncertainties, own = uncertain.uncertainties(system.context, tolerance, system.uncertain, system.axes)
         methods = methods.model_copy(update={"tolerance": tolerance.model_copy(update={"parameters": own})})
-    options = {name: getattr(methods, name) for name in methods.chosen}
+    chosen = methods.chosen
+    options = {name: getattr(methods, name) for name in chosen}
     ranges = [what for name in options if (what := METHODS[name].over_range(options[name]))]
     full = {name: METHODS[name].completed(own, document, source, system.axes) for name, own in options.items()}
     for axis in system.axes if ranges else ():
@@ -232,7 +232,7 @@ def read_methods(
             for what in ranges:
                 hint = "give two frequencies or more, or start and stop"
                 document.report(("sweep", axis.name), "no_range", f"is no range, {what}", hint)
-    for path, code, message, hint in system.section.unfit(system.axes, methods.chosen):
+    for path, code, message, hint in system.section.unfit(system.axes, chosen):
         document.report(("methods", *path), code, message, hint, at_key=True)
     return methods.model_copy(update=full), uncertainties
 
@@ -251,7 +251,7 @@ def _without_frequency(sections: Mapping[str, Any], sweep: dict[str, Any]) -> It
 def check_options(config: Config, base: GearSystem) -> None:
     """Raise ConfigError where the options of methods do not fit the base system, with one problem a method."""
     found = []
-    for method in chosen(config.methods, base):
+    for method in chosen_methods(config.methods, base):
         try:
             method.check()
             # Of others the section itself has been asked; this one needs a speed for this system only.

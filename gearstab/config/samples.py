@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.document.files import DataFileError, arrays, numbers, present, text, usable
-from gearstab.config.document.problems import Path, Problem
+from gearstab.config.document.problems import Path, Problem, dotted
 from gearstab.config.document.tree import Document, value_at
-from gearstab.config.model.axes import Array, Axis
+from gearstab.config.model.axes import Array, Axis, replaced
 from gearstab.config.model.columns import columns_of, factor
 from gearstab.config.model.conflicts import plain_number
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity
 from gearstab.config.sections.dimensions import quantity_at
 from gearstab.waveforms import Sampled, TorqueTable, Waveform
 from gearstab.waveforms.sampled import out_of_table
@@ -22,52 +22,51 @@ from gearstab.waveforms.samples import MOST_SAMPLES
 from gearstab.waveforms.section import waveforms
 
 SUFFIXES = (".csv", ".txt", ".h5", ".hdf5")
-Held = tuple[Path, dict[str, Array], Array]
-"""Place of a waveform below ``system``, what its file adds to it, and the columns of the file."""
 
 
-def read_files(document: Document, system: Any, source: FilePath) -> tuple[dict[Path, Held], list[Problem]]:
-    """Return what the files of waveforms hold, by the place of the waveform, and what is doubtful about them.
+def with_samples(
+    document: Document, system: Any, source: FilePath, axes: Sequence[Axis] | None
+) -> tuple[Any, dict[str, Array], list[Problem]]:
+    """Return a section ``system`` with what the files of waveforms hold, their columns by place, and what is doubtful.
 
-    system: its section. source: path of the configuration. What is wrong with the files is reported.
+    source: path of the configuration. axes: of the grid, None where the section has mistakes. Reported is what is wrong
+    with the files, variations of constant samples, which no factor makes vary, and torques beyond the table of a file.
     """
-    found: dict[Path, Held] = {}
+    contents: dict[str, Array] = {}
     doubts: list[Problem] = []
     for path, section, wave in waveforms(system):
-        name = getattr(section, "file", None)
-        if not isinstance(name, str) or wave is None:
+        name, place = getattr(section, "file", None), ("system", *path, "file")
+        if isinstance(name, str) and wave is not None:
+            try:
+                quantities = {key: quantity_at(system, (*path, key), kind) for key, kind in wave.columns.items()}
+                interpolation = section.interpolation if isinstance(section.interpolation, str) else "linear"
+                columns, doubt = read_samples(source.parent / name, wave, interpolation, quantities)
+            except DataFileError as error:
+                document.report(place, "file", str(error), error.hint, value=name)
+                continue
+            contents[dotted(path)] = columns
+            section = section.model_copy(update=wave.from_file(columns))
+            system = replaced(system, path, section)
+            if doubt:
+                doubts.append(document.problem(place, "unusual", doubt, "check the measurement", value=name))
+        if axes is None:
             continue
-        place = ("system", *path, "file")
-        try:
-            quantities = {key: quantity_at(system, (*path, key), kind) for key, kind in wave.columns.items()}
-            interpolation = section.interpolation if isinstance(section.interpolation, str) else "linear"
-            columns, doubt = read_samples(source.parent / name, wave, interpolation, quantities)
-        except DataFileError as error:
-            document.report(place, "file", str(error), error.hint, value=name)
-            continue
-        found[path] = path, wave.from_file(columns), columns
-        if doubt:
-            doubts.append(document.problem(place, "unusual", doubt, "check the measurement", value=name))
-    return found, doubts
-
-
-def check_samples(document: Document, system: Any, axes: Sequence[Axis]) -> None:
-    """Report variations of constant samples, which no factor makes vary, and torques beyond the table of a file.
-
-    system: its section, with the contents of files.
-    """
-    for path, section, wave in waveforms(system):
         if wave is Sampled and _constant(section.stiffness):
             _check_variation(document, system, path, axes)
-        elif wave is TorqueTable and getattr(section, "torques", None) is not None:
-            place: Path = (*path, "torque")
-            items = [(axis, item) for axis in axes for item in axis.assignments if item.path == place]
-            given: list[tuple[Path, Any]] = [(("sweep", axis.name), item.values) for axis, item in items]
-            if not given and section.torque is not None:
-                given = [(("system", *place), section.torque)]
-            for where, values in given:
-                if found := out_of_table(np.asarray(values, dtype=float), section.torques):
-                    document.report(where, "out_of_range", *found, at_key=where[0] == "sweep")
+        elif wave is TorqueTable:
+            _check_torque(document, section, path, axes)
+    return system, contents, doubts
+
+
+def _check_torque(document: Document, section: Any, path: Path, axes: Sequence[Axis]) -> None:
+    place: Path = (*path, "torque")
+    items = [(axis, item) for axis in axes for item in axis.assignments if item.path == place]
+    given: list[tuple[Path, Any]] = [(("sweep", axis.name), item.values) for axis, item in items]
+    if not given and section.torque is not None:
+        given = [(("system", *place), section.torque)]
+    for where, values in given:
+        if found := out_of_table(np.asarray(values, dtype=float), section.torques):
+            document.report(where, "out_of_range", *found, at_key=where[0] == "sweep")
 
 
 def _check_variation(document: Document, system: Any, path: Path, axes: Sequence[Axis]) -> None:

@@ -64,8 +64,8 @@ class FrictionLaw(Protocol):
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """The slide-roll ratios, other than 0, at which the coefficient is not smooth."""
-        ...
+        """The slide-roll ratios, other than 0, at which the coefficient is not smooth; here none."""
+        return ()
 
     def coefficient(self, contact: ContactState) -> Array:
         """mu >= 0, of the contact's shape."""
@@ -73,7 +73,7 @@ class FrictionLaw(Protocol):
 
 
 @dataclass(frozen=True)
-class ConstantFriction:
+class ConstantFriction(FrictionLaw):
     """Coulomb's: mu is ``level`` everywhere."""
 
     level: float
@@ -81,28 +81,18 @@ class ConstantFriction:
     def __post_init__(self) -> None:
         _positive(self, "level", zero=True)
 
-    @property
-    def kinks(self) -> tuple[float, ...]:
-        return ()
-
     def coefficient(self, contact: ContactState) -> Array:
         return np.full(np.shape(contact.sliding), self.level)
 
 
 @dataclass(frozen=True)
-class XuKahraman:
-    """Regression of computed thermal elastohydrodynamic contacts.
-
-        mu = exp(f) P^b2 |SR|^b3 V^b6 nu^b7 R^b8,   f = b1 + b4 |SR| P log10 nu + b5 exp(-|SR| P log10 nu) + b9 exp(S)
-
-    with P in GPa, V the entrainment velocity in m/s, R in m.
+class Lubricated(FrictionLaw):
+    """A law of teeth in oil.
 
     Parameters
     ----------
     viscosity: nu, dynamic viscosity of the oil at the inlet, cP.
-    roughness: S, root mean square of the surfaces, um.
-
-    Source: Xu & Kahraman 2007 (J. Mech. Des. 129, 58-68).
+    roughness: S, of the surfaces, um.
     """
 
     viscosity: float
@@ -112,9 +102,19 @@ class XuKahraman:
         _positive(self, "viscosity")
         _positive(self, "roughness", zero=True)
 
-    @property
-    def kinks(self) -> tuple[float, ...]:
-        return ()
+
+@dataclass(frozen=True)
+class XuKahraman(Lubricated):
+    """Regression of computed thermal elastohydrodynamic contacts.
+
+        mu = exp(f) P^b2 |SR|^b3 V^b6 nu^b7 R^b8,   f = b1 + b4 |SR| P log10 nu + b5 exp(-|SR| P log10 nu) + b9 exp(S)
+
+    with P in GPa, V the entrainment velocity in m/s, R in m.
+
+    roughness: root mean square.
+
+    Source: Xu & Kahraman 2007 (J. Mech. Des. 129, 58-68).
+    """
 
     def coefficient(self, contact: ContactState) -> Array:
         b1, b2, b3, b4, b5, b6, b7, b8, b9 = XU_KAHRAMAN
@@ -126,25 +126,18 @@ class XuKahraman:
 
 
 @dataclass(frozen=True)
-class BenedictKelley:
+class BenedictKelley(Lubricated):
     """mu = 0.0127 1.13/(1.13 - S) log10[29700 W/(nu |V_s| V_r^2)], W in N/mm, V_r = u1 + u2.
 
     The logarithm grows without bound at the pitch point; |V_s| counts as at least a hundredth of V_r. Never below 0.
 
-    Parameters
-    ----------
-    viscosity: nu, dynamic viscosity of the oil at the inlet, cP.
-    roughness: S < 1.13, arithmetic mean, um.
+    roughness: S < 1.13, arithmetic mean.
 
     Source: Benedict & Kelley 1961 (ASLE Trans. 4, 59-70), in SI units as He, Cho & Singh 2008.
     """
 
-    viscosity: float
-    roughness: float
-
     def __post_init__(self) -> None:
-        _positive(self, "viscosity")
-        _positive(self, "roughness", zero=True)
+        super().__post_init__()
         if not self.roughness < 1.13:
             raise NotPossible(f"roughness must lie below 1.13 um, not {self.roughness}")
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 from pydantic import Field
 
 from gearstab.config.model.fields import Section
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity
 from gearstab.results.variables import SIDE, Variable
 from gearstab.support import unsupported
 from gearstab.system import Array, Feature, GearSystem

@@ -11,7 +11,7 @@ from pydantic import Field, PrivateAttr
 
 from gearstab.config.model.axes import SPEEDS, Axis, replaced
 from gearstab.config.model.fields import Section, Whole
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity
 from gearstab.methods.base import POINTS, RANGE, Method, OptionError, Outcome
 from gearstab.results.variables import GRID, ROWS, Variable, flagged
 from gearstab.results.variables.responses import BRANCHES

@@ -15,7 +15,8 @@ from gearstab.config.model.axes import SPEEDS
 from gearstab.config.model.columns import columns_of
 from gearstab.config.model.conflicts import validate
 from gearstab.config.model.fields import Flag, Section
-from gearstab.config.model.units import Quantity, wrong
+from gearstab.config.model.units import wrong
+from gearstab.config.model.values import Quantity
 from gearstab.methods.base import RANGE, Method, Outcome, Tolerance, WidthFloor
 from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, flagged
 from gearstab.system import Array, Feature

@@ -16,7 +16,7 @@ from gearstab.config.document.problems import Path, dotted
 from gearstab.config.document.tree import Document, value_at
 from gearstab.config.model.axes import Array, Grid, matrix
 from gearstab.config.model.conflicts import items
-from gearstab.config.model.units import SMALLEST_NUMBER
+from gearstab.config.model.values import SMALLEST_NUMBER
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
 from gearstab.systems.parts.mesh import build_mesh
 from gearstab.waveforms import WAVEFORMS, Waveform
@@ -88,7 +88,7 @@ def check_levels(document: Document, grid: Grid[Any], index: str | int) -> None:
 
     points = extreme_points(grid, concerns)
     selections: list[Selection] = [points] if points else [{}]
-    if points and grid.base_is_asked_for:
+    if points and getattr(grid, "respond", None) is not None:  # which asks for the base values
         selections.append({})
     allowed = grid.system.allow_negative_stiffness
     for selection in selections:

@@ -21,9 +21,10 @@ from gearstab.config.model.conflicts import (
     within_each,
     wrong_length,
 )
-from gearstab.config.model.fields import NUMBER, ByCoordinate, Choice, NameText, also, optional
+from gearstab.config.model.fields import NUMBER, ByCoordinate, NameText, also, optional
 from gearstab.config.model.reading import WRONG, constructed, told
-from gearstab.config.model.units import Quantity, UnitError, to_si
+from gearstab.config.model.units import UnitError, to_si
+from gearstab.config.model.values import Choice, Quantity
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System

@@ -11,7 +11,7 @@ import numpy as np
 from gearstab.config.document.problems import Code
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import Section
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity
 
 Array = np.ndarray
 

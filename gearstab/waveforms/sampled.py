@@ -11,7 +11,7 @@ import numpy as np
 
 from gearstab.config.model.axes import vector
 from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity
 from gearstab.errors import NotPossible
 from gearstab.waveforms.base import Array, Keys, OfStiffness, Waveform, WrongSample, as_array, wrapped
 from gearstab.waveforms.samples import (

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from gearstab.config import ConfigError, load
 from gearstab.config.model.fields import Mass, ShortName
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity
 from gearstab.config.schema import commented, schema
 from gearstab.system import GearSystem
 from gearstab.systems import KINDS, build

@@ -103,11 +103,6 @@ class Grid(Generic[Kind]):
     system: Kind
     axes: tuple[Axis, ...]
 
-    @property
-    def base_is_asked_for(self) -> bool:
-        """Whether the system of the base values is computed too, in addition to those of the axes."""
-        return not self.axes
-
     def at(self, selection: Mapping[str, Array]) -> Kind:
         """Return the section ``system`` at points of the grid.
 

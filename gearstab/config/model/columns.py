@@ -10,7 +10,8 @@ from pydantic_core import PydanticCustomError
 
 from gearstab.config.document.files import DataFileError
 from gearstab.config.document.problems import shown
-from gearstab.config.model.units import Quantity, UnitError, to_si
+from gearstab.config.model.units import UnitError, to_si
+from gearstab.config.model.values import Quantity
 
 COUNTS = {2: "two", 3: "three"}
 HEADER = re.compile(r"\s*(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?\s*", re.DOTALL)

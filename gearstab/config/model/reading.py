@@ -16,8 +16,8 @@ from pydantic_core import ErrorDetails
 
 from gearstab.config.document.problems import Path, closest
 from gearstab.config.document.tree import value_at
-from gearstab.config.model.fields import Choice, Ratio, ShortName
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.fields import ShortName
+from gearstab.config.model.values import Choice, Quantity, Ratio
 
 Mark = TypeVar("Mark")
 

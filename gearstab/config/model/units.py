@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic_core import PydanticCustomError
 
 from gearstab.config.document.problems import Code
 from gearstab.config.document.tree import is_number
@@ -59,11 +57,6 @@ MEANING = {
     "kg/m^3": "a density",
 }
 """The SI units of the fields and what they measure."""
-
-
-LARGEST_NUMBER, SMALLEST_NUMBER = 1e30, 1e-30
-"""Largest number, and least one that has a unit and is not zero. No gear is near them, whatever the system of units,
-and products of ten numbers stay within double precision."""
 
 UnitError = PydanticCustomError
 """Error of a text that is no quantity of the kind asked for, as :func:`wrong` makes it."""
@@ -185,57 +178,3 @@ def _turns(quantity: Any, wanted: str) -> float:
         return 1.0
     powers = [power for name, power in quantity.unit_items() if str(name).endswith("hertz")]
     return float((2 * math.pi) ** sum(powers))
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A finite number; where it is dimensional also a text with a unit, converted to SI, else one with per cent.
-
-    unit: the SI unit, "1" for a dimensionless number. others: further units that it has in other coordinates.
-    turns: whether it is a fraction of a turn, which may be given as an angle or as a text such as "1/3".
-    entry: whether it is one of many, which may be no more than the rounding error of another program.
-    advice: what to give instead of a quantity of the wrong dimension.
-    """
-
-    unit: str = "1"
-    others: tuple[str, ...] = ()
-    turns: bool = False
-    entry: bool = False
-    advice: str = ""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(self.number, handler(source))
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        start = r"^\s*[-+]?[0-9.]"
-        pattern = start if self.units or self.turns else rf"{start}.*({'|'.join(PER_CENT)})\s*$"
-        example = '90 deg" or "1/3' if self.turns else "5 %" if self.unit == "1" else f"2 {self.unit}"
-        text = {"type": "string", "pattern": pattern, "description": f'a number and a unit, such as "{example}"'}
-        return {"anyOf": [handler(schema), text]}
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """All units it may have, none for a dimensionless number."""
-        return () if self.unit == "1" else (self.unit, *self.others)
-
-    def number(self, value: Any) -> float:
-        """The value as a finite float in SI units; raises a pydantic error."""
-        if not may_be_number(value):
-            article = "is empty" if value is None else "must be a number"
-            remedy = f"write a number in {self.unit}" if self.units else "write a number"
-            raise wrong("empty" if value is None else "not_a_number", article, remedy)
-        try:
-            result = to_si(value, self.units, self.turns) if isinstance(value, str) else float(value)
-        except UnitError as error:
-            if not (self.advice and error.type == "wrong_dimension"):
-                raise
-            raise wrong("wrong_dimension", error.message(), f"{hint_of(error)}; {self.advice}") from None
-        except OverflowError:
-            result = math.inf
-        if not math.isfinite(result):
-            raise wrong("not_finite", "must be a finite number", "write a number")
-        if abs(result) > LARGEST_NUMBER:
-            raise wrong("out_of_range", "is larger than of any gear", f"stay below {LARGEST_NUMBER:g}")
-        if 0 < abs(result) < SMALLEST_NUMBER and self.unit not in ("1", "rad") and not self.entry:
-            raise wrong("out_of_range", "is smaller than of any gear", f"stay above {SMALLEST_NUMBER:g}")
-        return result

@@ -11,7 +11,7 @@ import numpy as np
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.model.axes import SPEEDS, Axis
-from gearstab.config.model.fields import NUMBER
+from gearstab.config.model.fields import NUMBER, PAIR, closed
 from gearstab.config.model.reading import quantity
 from gearstab.config.sections import design_variables
 from gearstab.config.sections.expansion import UnresolvedAxis, build, expand_list
@@ -197,46 +197,26 @@ def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
 
 def json_schema() -> dict[str, Any]:
     """Return the schema of the section, which refers to the definition ``Case``."""
-    ends = {"type": "array", "minItems": 2, "maxItems": 2, "items": NUMBER}
-    span = {
-        "type": "object",
-        "additionalProperties": False,
-        "properties": {
-            "mesh_frequency": ends | {"description": "Lowest and highest frequency of the first mesh (rad/s)."},
-            "input_speed": ends | {"description": "Of systems with an input, in place of mesh_frequency."},
-            "weight": {"type": "number", "exclusiveMinimum": 0, "description": "Of this range; default 1."},
-        },
-    }
-    weights = {
-        "type": "object",
-        "additionalProperties": False,
-        "minProperties": 1,
-        "properties": {
-            name: {"type": "number", "exclusiveMinimum": 0, "description": QUANTITIES[name].long_name}
-            for name in OBJECTIVES
-        },
-    }
-    goal = {"anyOf": [{"enum": list(OBJECTIVES)}, weights]}
-    limit = {
-        "type": "object",
-        "additionalProperties": False,
-        "minProperties": 1,
-        "properties": {"min": NUMBER, "max": NUMBER},
-    }
+    positive_number = {"type": "number", "exclusiveMinimum": 0}
+    span = closed(
+        {
+            "mesh_frequency": PAIR | {"description": "Lowest and highest frequency of the first mesh (rad/s)."},
+            "input_speed": PAIR | {"description": "Of systems with an input, in place of mesh_frequency."},
+            "weight": positive_number | {"description": "Of this range; default 1."},
+        }
+    )
+    weights = {name: positive_number | {"description": QUANTITIES[name].long_name} for name in OBJECTIVES}
+    goal = {"anyOf": [{"enum": list(OBJECTIVES)}, closed(weights, minProperties=1)]}
+    limit = closed({"min": NUMBER, "max": NUMBER}, minProperties=1)
     limits = {name: limit | {"description": item.long_name} for name, item in QUANTITIES.items()}
-    return {
-        "description": "What gearstab design may change, and what for.",
-        "type": "object",
-        "additionalProperties": False,
-        "required": ["range", "variables", "minimise"],
-        "properties": {
+    variable = design_variables.json_schema()
+    return closed(
+        {
             "range": {"anyOf": [span, {"type": "array", "minItems": 1, "items": span}]},
-            "variables": {
-                "type": "object",
-                "minProperties": 1,
-                "additionalProperties": design_variables.json_schema(ends),
-            },
+            "variables": {"type": "object", "minProperties": 1, "additionalProperties": variable},
             "minimise": {"anyOf": [goal, {"type": "array", "minItems": 1, "items": goal}]},
             "constraints": {"type": "object", "properties": limits, "additionalProperties": limit},
         },
-    }
+        description="What gearstab design may change, and what for.",
+        required=["range", "variables", "minimise"],
+    )

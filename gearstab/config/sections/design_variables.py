@@ -16,7 +16,7 @@ from gearstab.config.document.tree import Document, is_number, mapping, sequence
 from gearstab.config.document.yaml import number
 from gearstab.config.model.axes import Axis
 from gearstab.config.model.columns import PLAIN, head
-from gearstab.config.model.fields import NUMBER
+from gearstab.config.model.fields import NUMBER, PAIR, closed
 from gearstab.config.sections.expansion import Column, UnresolvedAxis
 from gearstab.config.sections.sweep import Context, cases, report_rivals
 from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target
@@ -217,16 +217,12 @@ def _value(cell: str, unit: str) -> Any:
     return number(cell) if unit in PLAIN else f"{cell} {unit}"
 
 
-def json_schema(bounds: dict[str, Any]) -> dict[str, Any]:
+def json_schema() -> dict[str, Any]:
     """Return the schema of a variable: bounds, or one of the forms of choices."""
     forms: dict[str, dict[str, Any]] = {
-        "integers": {"type": "array", "minItems": 2, "maxItems": 2, "items": {"type": "number"}},
+        "integers": PAIR | {"items": {"type": "number"}},
         "values": {"type": "array", "minItems": 1, "items": NUMBER},
         "catalogue": {"type": "string", "description": "A CSV file: columns are paths, rows are choices."},
         "choices": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/Case"}},
     }
-    options = [
-        {"type": "object", "additionalProperties": False, "required": [key], "properties": {key: form}}
-        for key, form in forms.items()
-    ]
-    return {"anyOf": [bounds, *options]}
+    return {"anyOf": [PAIR, *(closed({key: form}, required=[key]) for key, form in forms.items())]}

@@ -14,7 +14,7 @@ from gearstab.config.document.tree import Document, texts
 from gearstab.config.model import conflicts
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.reading import WRONG, known, quantity, told, type_at
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity
 from gearstab.systems.base import System
 
 TURNED = {

@@ -14,9 +14,10 @@ from gearstab.config.document.problems import Code, Path
 from gearstab.config.document.tree import Document
 from gearstab.config.model.axes import Array, Assignment, Axis, evenly
 from gearstab.config.model.conflicts import report_detail, validate
-from gearstab.config.model.fields import NUMBER, AnyNumber, Choice, Section, Whole, optional
+from gearstab.config.model.fields import NUMBER, AnyNumber, Section, Whole, optional
 from gearstab.config.model.reading import axis_choice, number_kind
 from gearstab.config.model.units import typed_unit
+from gearstab.config.model.values import Choice
 from gearstab.config.sections.targets import Target, described
 from gearstab.systems.base import System
 

@@ -12,7 +12,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.tree import Document, is_number, mapping
 from gearstab.config.model.conflicts import report_detail
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity
 
 if TYPE_CHECKING:
     from gearstab.config.sections.sweep import Context

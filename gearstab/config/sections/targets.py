@@ -13,7 +13,7 @@ from gearstab.config.document.problems import Code, Path, dotted, nearest
 from gearstab.config.document.tree import value_at
 from gearstab.config.model.axes import MESH_FREQUENCY
 from gearstab.config.model.conflicts import items
-from gearstab.config.model.fields import AngularFrequency, Ratio, ShortName
+from gearstab.config.model.fields import AngularFrequency, ShortName
 from gearstab.config.model.reading import (
     WRONG,
     SkipRule,
@@ -28,7 +28,7 @@ from gearstab.config.model.reading import (
     told,
     type_at,
 )
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity, Ratio
 from gearstab.config.sections.dimensions import quantity_at
 from gearstab.systems import short_names, short_names_of
 from gearstab.systems.base import System

@@ -14,7 +14,7 @@ from gearstab.config.document.tree import Document, mapping, sequence, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid, replaced
 from gearstab.config.model.conflicts import report_wrong
 from gearstab.config.model.reading import as_far_as_right, quantity
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity
 from gearstab.config.sections.sweep import BaseValue, Context, is_absent
 from gearstab.config.sections.targets import Target
 from gearstab.systems.base import System

@@ -10,7 +10,6 @@ from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict, within
 from gearstab.config.model.fields import (
-    Choice,
     Flag,
     Inertia,
     Length,
@@ -26,7 +25,7 @@ from gearstab.config.model.fields import (
     TorsionalStiffness,
     optional,
 )
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Choice, Quantity
 from gearstab.gears.geometry import transverse_angle
 from gearstab.system import Array
 from gearstab.systems.kinematics import TrainError

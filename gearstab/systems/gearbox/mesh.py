@@ -7,15 +7,15 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, within
-from gearstab.config.model.fields import Choice, Length, NameText, NonNegative, NonNegativeLength, Section, optional
+from gearstab.config.model.conflicts import Conflict, below, items, within
+from gearstab.config.model.fields import Length, NameText, NonNegative, NonNegativeLength, Section, optional
 from gearstab.config.model.reading import WRONG, known
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Choice, Quantity
 from gearstab.systems.parts.faults import Fault, absent_gear, excluded
-from gearstab.systems.parts.forcing import GearError, TransmissionError
-from gearstab.systems.parts.mesh import Lag, NamedToothMesh, StiffnessOfTeeth, following_conflicts, given_by_teeth
+from gearstab.systems.parts.forcing import GearError
+from gearstab.systems.parts.mesh import MEANS, Lag, NamedToothMesh, StiffnessOfTeeth
 from gearstab.waveforms import WAVEFORMS
-from gearstab.waveforms.section import has_own_mean, shape_conflicts
+from gearstab.waveforms.section import has_own_mean
 
 MEAN, VARIATION, CONTACT_RATIO, WAVE = "mean", "variation", "contact_ratio", "wave"
 """Parts of a mesh stiffness that may follow from the teeth."""
@@ -31,8 +31,6 @@ LUBRICATED = ("xu_kahraman", "benedict_kelley")
 
 POWERS = {"linear": 1, "parabolic": 2}
 """Forms of profile relief, and how its depth grows with the distance from where it begins."""
-MEANS = ("mean_stiffness", "max_stiffness", "stiffness_per_width")
-"""Ways to give the mean stiffness, of which a mesh takes one."""
 NOT_WITH_RELIEF = (
     *MEANS, "epsilon", "amplitude", "contact_ratio", "variation",
     "friction", "backlash",
@@ -145,16 +143,8 @@ class GearboxMesh(NamedToothMesh, TrainMeshKeys):
     """Eccentricity and pitch errors of either gear."""
 
     def conflicts(self, from_teeth: bool = True) -> Iterator[Conflict]:
-        """Each quantity once; a wave that is complete where the teeth do not give it."""
-        yield from at_most_one(self, MEANS)
-        yield from at_most_one(self, ("epsilon", "amplitude"))
-        yield from at_most_one(self, ("damping", "damping_ratio"))
-        yield from shape_conflicts(self, complete=False)
-        yield from given_by_teeth(self)
-        yield from following_conflicts(
-            self, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"
-        )
-        yield from within(self, "transmission_error", TransmissionError.conflicts)
+        """Friction, errors and relief, besides what every mesh has."""
+        yield from super().conflicts(from_teeth)
         if self.friction is not None and self.backlash:
             hint = "keep one of the two"
             yield ("backlash",), "not_applicable", "is not available with friction between the teeth", hint

@@ -10,10 +10,8 @@ from pydantic import Field
 
 from gearstab.config.document.problems import nearest
 from gearstab.config.document.tree import Document, mapping, sequence
-from gearstab.config.model.conflicts import Conflict, at_most_one, below, items, within_each, wrong_length
+from gearstab.config.model.conflicts import Conflict, below, items, within_each, wrong_length
 from gearstab.config.model.fields import (
-    Choice,
-    Count,
     Inertia,
     Length,
     Mass,
@@ -28,9 +26,9 @@ from gearstab.config.model.fields import (
     optional,
 )
 from gearstab.config.model.reading import WRONG, known, told
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Choice, Count, Quantity
 from gearstab.systems.gearbox.bodies import Rotor, Support, Teeth
-from gearstab.systems.gearbox.mesh import MEANS, TrainMeshKeys, relief_conflicts
+from gearstab.systems.gearbox.mesh import TrainMeshKeys, relief_conflicts
 from gearstab.systems.parts.faults import Fault, fault_conflicts
 from gearstab.systems.parts.mesh import Named, ToothMesh
 from gearstab.systems.planetary.phasing import RULES
@@ -175,9 +173,7 @@ def _members(item: PlanetarySet, rotors: dict[str, Rotor]) -> Iterator[Conflict]
 
 def _meshes(item: PlanetarySet) -> Iterator[Conflict]:
     for name, mesh in items(item.meshes):
-        wrong = [*known(mesh.conflicts(True)), *known(at_most_one(mesh, ("damping", "damping_ratio")))]
-        wrong += [*known(at_most_one(mesh, MEANS)), *known(relief_conflicts(mesh))]
-        yield from below("meshes", below(name, wrong))
+        yield from below("meshes", below(name, [*known(mesh.conflicts(True)), *known(relief_conflicts(mesh))]))
     phases = item.phases
     if phases is not None and phases is not WRONG and phases.rule is not None and phases.sun_ring is not None:
         yield ("phases", "rule"), "already_given", "sun_ring is given already", "keep one of sun_ring and rule"

@@ -17,9 +17,9 @@ from pydantic import Field
 
 from gearstab.config.document.problems import nearest
 from gearstab.config.model.conflicts import Conflict, items, within_each
-from gearstab.config.model.fields import Choice, NameText, Section, Whole
+from gearstab.config.model.fields import NameText, Section, Whole
 from gearstab.config.model.reading import WRONG
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Choice, Quantity
 from gearstab.mesh import Mesh
 from gearstab.systems.parts.forcing import GearError
 from gearstab.waveforms import Tooth

@@ -13,7 +13,6 @@ from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one, 
 from gearstab.config.model.fields import (
     AnyRatio,
     ByCoordinate,
-    Choice,
     ContactRatio,
     Flag,
     NameText,
@@ -26,7 +25,7 @@ from gearstab.config.model.fields import (
     optional,
 )
 from gearstab.config.model.reading import known
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Choice, Quantity
 from gearstab.mesh import Mesh
 from gearstab.system import Array
 from gearstab.systems.parts.forcing import TransmissionError
@@ -47,6 +46,10 @@ WHERE_PHASINGS = "two_stage has a phasing of its second mesh, matrices have lags
 WHERE_LAGS = "matrices have lags, two_stage has a phasing of its second mesh, planetary has phases"
 Lag = Annotated[Turns, ShortName(but_first=True, hint=WHERE_LAGS)]
 
+MEANS = ("mean_stiffness", "max_stiffness", "stiffness_per_width")
+"""Ways to give the mean stiffness, of which a mesh takes one."""
+DAMPINGS = ("damping", "damping_ratio")
+"""Ways to give the damping."""
 ZEROS = ("middle", "drive_side")
 """Where in its backlash the deflection of a mesh is zero."""
 
@@ -101,13 +104,15 @@ class ToothMesh(Section):
             hint = "choose another waveform, or describe the gears in a gearbox"
             yield ("waveform", "kind"), "not_applicable", message, hint
             return
-        stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
-        yield from (at_most_one if from_teeth or has_own_mean(self) else exactly_one)(self, stiffness)
+        known_keys, variation = type(self).model_fields, ("epsilon", "amplitude")
+        means, dampings = (tuple(key for key in keys if key in known_keys) for keys in (MEANS, DAMPINGS))
+        yield from (at_most_one if from_teeth or has_own_mean(self) else exactly_one)(self, means)
+        yield from at_most_one(self, dampings)
         varies = from_teeth or (wave is not None and wave.own_variation)
         yield from (at_most_one if varies else exactly_one)(self, variation)
         yield from shape_conflicts(self, complete=not from_teeth)
-        hint = "add damping, the mean of the damping that follows the stiffness"
-        yield from known(following_conflicts(self, ("damping",), hint))
+        hint = f"add {' or '.join(dampings)}, the mean of the damping that follows the stiffness"
+        yield from known(following_conflicts(self, dampings, hint))
         yield from within(self, "transmission_error", TransmissionError.conflicts)
 
 

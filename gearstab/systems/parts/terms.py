@@ -13,8 +13,8 @@ from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document, value_at
 from gearstab.config.model.axes import matrix, vector
 from gearstab.config.model.conflicts import Conflict, exactly_one, items, no_direction, within
-from gearstab.config.model.fields import AnyRatio, ContactRatio, Flag, NameText, Ratio, Section, Turns, Vector, optional
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.fields import AnyRatio, ContactRatio, Flag, NameText, Section, Turns, Vector, optional
+from gearstab.config.model.values import Quantity, Ratio
 from gearstab.mesh import PeriodicTerm
 from gearstab.rotation import Rotation
 from gearstab.system import Array

@@ -6,19 +6,8 @@ from typing import Annotated, Any, ClassVar, cast
 
 from pydantic import Field
 
-from gearstab.config.model.fields import (
-    Choice,
-    Length,
-    Mass,
-    Number,
-    Section,
-    Stiffness,
-    ToothCount,
-    Turns,
-    Whole,
-    optional,
-)
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.fields import Length, Mass, Number, Section, Stiffness, ToothCount, Turns, Whole, optional
+from gearstab.config.model.values import Choice, Quantity
 from gearstab.systems.parts.mesh import StiffnessOfTeeth, ToothMesh
 from gearstab.systems.planetary.phasing import DRIVES, RULES
 

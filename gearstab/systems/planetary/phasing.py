@@ -13,9 +13,9 @@ from pydantic import Field
 
 from gearstab.config.document.tree import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.config.model.fields import Flag, Ratio, Section, optional
+from gearstab.config.model.fields import Flag, Section, optional
 from gearstab.config.model.reading import known, told
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Quantity, Ratio
 from gearstab.system import Array
 from gearstab.systems.kinematics import MeshMotion, Relation, solve
 from gearstab.systems.planetary.planets import angles_of

@@ -14,9 +14,9 @@ from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document
 from gearstab.config.model.axes import Grid
 from gearstab.config.model.conflicts import Conflict, below, within, wrong_length
-from gearstab.config.model.fields import Choice, Count, Flag, also, optional
+from gearstab.config.model.fields import Flag, also, optional
 from gearstab.config.model.reading import WRONG, known
-from gearstab.config.model.units import Quantity
+from gearstab.config.model.values import Choice, Count, Quantity
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 from scenes import ran, scene_text
 
-from gearstab.config.model.fields import LARGEST_RATIO
-from gearstab.config.model.units import LARGEST_NUMBER, SMALLEST_NUMBER
+from gearstab.config.model.values import LARGEST_NUMBER, LARGEST_RATIO, SMALLEST_NUMBER
 
 TRAIN = scene_text("absurd_numbers_train")
 

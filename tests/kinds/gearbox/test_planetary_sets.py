@@ -274,6 +274,20 @@ def test_blocks_of_two_sets_are_those_found_without_their_symmetries(tmp_path: P
     assert len(declared.parts) > 2
 
 
+def test_the_damping_ratio_of_a_set_may_follow_the_stiffness(tmp_path: Path) -> None:
+    """Its mean is the damping that does not follow."""
+    system, found = configured(TRAINS[0], "entry"), []
+    for follows in (False, True):
+        for item in system["planetary_sets"]:
+            damped = STIFF | {"damping_ratio": 0.05, "damping_follows_stiffness": follows}
+            item["meshes"] = {"sun": damped, "ring": dict(damped)}
+        found.append(build(read(tmp_path, as_text(system)).system))
+    constant, varying = found[0].damping_matrix, found[1].averaged()
+    mean = sum(term.damping.value(np.zeros(())) * np.outer(term.left, term.right) for term in varying.terms)
+    # Sums of some ten products, in another order.
+    np.testing.assert_allclose(varying.damping_matrix + mean, constant, rtol=0, atol=1e-14 * np.abs(constant).max())
+
+
 def test_the_sun_of_a_set_is_no_remedy_for_the_other_meshes_of_a_train(tmp_path: Path) -> None:
     """A pair beside one set in phase: its waves have no lags that follow from the sun's teeth."""
     beside = SET.replace("    - {name: other, between: [carrier, pinion], stiffness: 1.0e5}\n", PAIR_BESIDE)
