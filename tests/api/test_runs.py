@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import signal
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from importlib import import_module
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -16,7 +18,7 @@ import numpy as np
 import pytest
 import sweep_faults
 import xarray as xr
-from scenes import CONFIGS, ROOT, ran, scene_text, written
+from scenes import CONFIGS, ROOT, scene_text, succeeds, written
 
 import gearstab as gs
 from gearstab.api import runs
@@ -58,7 +60,7 @@ def same(one: xr.DataTree, other: xr.DataTree) -> None:
 
 def test_a_sweep_is_the_file_of_the_command(tmp_path: Path, empty: Path) -> None:
     config = written(tmp_path, SWEPT)
-    assert ran("sweep", config, "-o", tmp_path / "out.h5", "--set", "meshes.second.contact_ratio=1.4").exit_code == 0
+    succeeds("sweep", config, "-o", tmp_path / "out.h5", "--set", "meshes.second.contact_ratio=1.4")
     tree = gs.sweep(gs.load(config, {"meshes.second.contact_ratio": 1.4}), jobs=1)
     with open_result(tmp_path / "out.h5") as file:
         same(tree, file)
@@ -69,7 +71,7 @@ def test_a_sweep_is_the_file_of_the_command(tmp_path: Path, empty: Path) -> None
 def test_a_response_is_the_file_of_the_command(tmp_path: Path, empty: Path) -> None:
     config = CONFIGS / "oh_grosh_barber_2005" / "fig4a.yaml"
     few = {"respond.cycles": 3}
-    assert ran("respond", config, "-o", tmp_path / "out.h5", "--set", "respond.cycles=3").exit_code == 0
+    succeeds("respond", config, "-o", tmp_path / "out.h5", "--set", "respond.cycles=3")
     tree = gs.respond(gs.load(config, few))
     with open_result(tmp_path / "out.h5") as file:
         same(tree, file)
@@ -83,7 +85,7 @@ def test_a_design_is_the_file_of_the_command(tmp_path: Path, empty: Path) -> Non
     wanted |= {"minimise": "instability_width"}
     data = {"title": "A pair", "system": pair | {"meshes": [mesh]}, "design": wanted}
     config = written(tmp_path, json.dumps(data))
-    assert ran("design", config, "-o", tmp_path / "out.h5").exit_code == 0
+    succeeds("design", config, "-o", tmp_path / "out.h5")
     tree = gs.design(config)
     with open_result(tmp_path / "out.h5") as file:
         same(tree, file)
@@ -183,7 +185,7 @@ def test_kinds_of_several_frames_take_none(tree: xr.DataTree) -> None:
 def test_a_figure_of_a_file_is_that_of_the_tree(tree: xr.DataTree, tmp_path: Path) -> None:
     config = written(tmp_path, SWEPT)
     single = ["--set", 'sweep.case=[{"label": "one", "phasing": 0.5}]']
-    assert ran("sweep", config, "-o", tmp_path / "out.h5", *single).exit_code == 0
+    succeeds("sweep", config, "-o", tmp_path / "out.h5", *single)
     for name, source in (("file", tmp_path / "out.h5"), ("tree", tree)):
         gs.plot(source, dpi=50).savefig(tmp_path / f"{name}.png", metadata={"Software": None})
     assert (tmp_path / "file.png").read_bytes() == (tmp_path / "tree.png").read_bytes()
@@ -194,3 +196,46 @@ def test_doubts_are_warnings() -> None:
     mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5}
     with pytest.warns(DoubtWarning, match=r"^configuration: system.damping_ratio: 3 "):
         gs.load({"system": gear | {"meshes": [mesh]}})
+
+
+# --- ``import gearstab`` is cheap, and its functions keep their names beside the rooms of the package
+
+
+HEAVY = {"numpy", "scipy", "pydantic", "h5py", "xarray", "matplotlib", "rich", "pint", "joblib", "ruamel", "click"}
+
+
+def modules_after(code: str) -> set[str]:
+    command = [sys.executable, "-c", f"import sys\n{code}\nprint(*{{n.split('.')[0] for n in sys.modules}})"]
+    return set(subprocess.run(command, capture_output=True, text=True, check=True).stdout.split())
+
+
+def test_the_import_brings_nothing_with_it() -> None:
+    assert not HEAVY & modules_after("import gearstab\ngearstab.__version__\ndir(gearstab)")
+
+
+def test_a_figure_is_not_needed_to_load() -> None:
+    assert not {"matplotlib", "xarray", "joblib"} & modules_after("import gearstab\ngearstab.load")
+
+
+@pytest.mark.parametrize("name", gs.__all__)
+def test_public_functions_are_there_and_say_what_they_do(name: str) -> None:
+    function = getattr(gs, name)
+    assert inspect.isfunction(function)
+    first = (inspect.getdoc(function) or "").splitlines()[0]
+    assert first.endswith(".") or ";" in first
+    hints = inspect.signature(function)
+    assert hints.return_annotation is not inspect.Signature.empty
+    assert all(p.annotation is not inspect.Parameter.empty for p in hints.parameters.values())
+    assert name in dir(gs)
+
+
+@pytest.mark.parametrize("name", ["design", "floquet", "perturbation", "sweep"])
+def test_a_room_of_the_same_name_does_not_take_its_place(name: str) -> None:
+    room = import_module(f"gearstab.{name}")
+    assert inspect.ismodule(room)
+    assert inspect.isfunction(getattr(gs, name))
+
+
+def test_what_is_not_there_is_said() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'sweeep'"):
+        gs.sweeep  # noqa: B018

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import CONFIGS, TRAIN, ran, scene_text, written
+from scenes import CONFIGS, TRAIN, ran, scene_text, succeeds, written
 from test_runs import same
 
 import gearstab as gs
@@ -63,7 +63,7 @@ def test_every_variable_of_every_method_is_in_memory_and_saved(tmp_path: Path) -
 
 def test_a_saved_result_is_the_file_of_the_command(pair: Path, tree: xr.DataTree) -> None:
     out, saved = pair.with_name("out.h5"), pair.with_name("saved.h5")
-    assert ran("sweep", pair, "-o", out, "-q").exit_code == 0
+    succeeds("sweep", pair, "-o", out, "-q")
     gs.save(tree, saved)
     with open_result(out) as one, open_result(saved) as other:
         same(one, other)
@@ -75,7 +75,7 @@ def test_a_saved_result_is_the_file_of_the_command(pair: Path, tree: xr.DataTree
     extended = ran("sweep", pair, *finer, "--extend", saved)
     assert f"floquet: 10 of 15 points are taken over from {saved}" in extended.output
     for words in (("info", saved), ("plot", saved, "-o", pair.with_name("saved.png")), ("export", saved, "-o", "-")):
-        assert ran(*words).exit_code == 0
+        succeeds(*words)
 
 
 def test_responses_and_designs_are_saved(tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_a_result_that_xarray_wrote_is_read(tree: xr.DataTree, tmp_path: Path) -
     assert facts["provenance"]["format_version"] == "1"
     assert not facts["unchanged"]
     for words in (("plot", path, "-o", tmp_path / "map.png"), ("export", path, "-o", "-")):
-        assert ran(*words).exit_code == 0
+        succeeds(*words)
     # Read lazily and saved again, also in the place of the file itself, it has everything.
     with open_result(path) as read:
         gs.save(read, tmp_path / "again.h5")

@@ -8,14 +8,17 @@ import numpy as np
 import oracle
 import pytest
 import systems
-from scenes import ran, scene_text
+from planetary_gears import SUPPORTS, parameters, with_epsilon
+from scenes import opened, refused, scene_text, succeeds
+from systems import two_stage
 
-from gearstab.bench import Scene, costs, measure, reference, work_precision
+from gearstab.bench import Scene, costs, measure, reference, without_rigid_modes, work_precision
 from gearstab.bench.methods import METHODS, Entry
 from gearstab.floquet import solve
 from gearstab.mesh import PeriodicTerm
-from gearstab.results import open_result
+from gearstab.modal import mean_modes
 from gearstab.system import GearSystem
+from gearstab.systems import build
 from gearstab.waveforms import Fourier, Trapezoidal
 
 CONFIG = scene_text("bench_config")
@@ -127,12 +130,10 @@ def test_command(tmp_path):
     (tmp_path / "train.yaml").write_text(CONFIG)
     target = tmp_path / "out" / "train.h5"
     arguments = ["bench", str(tmp_path / "train.yaml"), "-o", str(target), "--points", "2", "--seconds", "0", "-q"]
-    result = ran(*arguments)
-    assert result.exit_code == 0, result.output
+    result = succeeds(*arguments)
     assert "products of expm" in result.output
     assert target.with_suffix(".png").stat().st_size > 10_000
-    with open_result(target) as tree:
-        bench = tree["bench"].to_dataset().load()
+    bench = opened(target)["bench"].to_dataset()
     assert set(bench) >= {"seconds", "error", "wrong_flags"}
     assert np.all(bench["wrong_flags"].values[np.isnan(bench["tolerance"].values)] == 0)
 
@@ -141,8 +142,7 @@ def test_command_says_what_a_point_costs_where_speeds_turn(tmp_path, monkeypatch
     monkeypatch.setattr(costs, "POINTS", 64)
     monkeypatch.setattr(costs, "PRODUCTS", 8)
     (tmp_path / "rotor.yaml").write_text(TURNING)
-    result = ran("bench", tmp_path / "rotor.yaml", "-q")
-    assert result.exit_code == 0, result.output
+    result = succeeds("bench", tmp_path / "rotor.yaml", "-q")
     held, follows = result.output.splitlines()
     assert held.startswith("speeds held: ")
     assert follows.startswith("speeds that follow the mesh frequency: ")
@@ -150,8 +150,7 @@ def test_command_says_what_a_point_costs_where_speeds_turn(tmp_path, monkeypatch
         assert float(line.split()[-1]) < 1e-9, line
     monkeypatch.setattr(costs, "SMOOTH_POINTS", 16)
     (tmp_path / "smooth.yaml").write_text(SMOOTH)
-    result = ran("bench", tmp_path / "smooth.yaml", "-q")
-    assert result.exit_code == 0, result.output
+    result = succeeds("bench", tmp_path / "smooth.yaml", "-q")
     for line in result.output.splitlines():
         assert "points/s; multipliers are right to" in line
         assert 0 < float(line.split()[-1]) <= 1e-9, line
@@ -160,9 +159,7 @@ def test_command_says_what_a_point_costs_where_speeds_turn(tmp_path, monkeypatch
 def test_command_needs_a_mesh_frequency_axis(tmp_path):
     text = CONFIG.replace("mesh_frequency: {start: 0.5, stop: 7.0, num: 50}", "epsilon: [0.1, 0.2]")
     (tmp_path / "train.yaml").write_text(text.replace("floquet: {}", "perturbation: {}"))
-    result = ran("bench", tmp_path / "train.yaml")
-    assert result.exit_code == 2
-    assert "mesh_frequency" in result.output
+    assert "mesh_frequency" in refused("bench", tmp_path / "train.yaml")
 
 
 ROTOR = scene_text("bench_rotor")
@@ -175,7 +172,53 @@ APART = ROTOR.replace("[1.0, -1.0],", "[1.0, -1.0], frequency_ratio: 0.7123456, 
 
 def test_command_refuses_what_its_scenes_do_not_hold(tmp_path):
     (tmp_path / "system.yaml").write_text(APART)
-    result = ran("bench", tmp_path / "system.yaml")
-    assert result.exit_code == 2
-    assert "bench: " in result.output
-    assert "irrational ratio" in result.output
+    said = refused("bench", tmp_path / "system.yaml")
+    assert "bench: " in said
+    assert "irrational ratio" in said
+
+
+# --- scenes of the benchmark: systems without their rigid-body modes
+
+
+def train(**changes: object) -> GearSystem:
+    meshes = {"epsilon": (0.3, 0.2), "contact_ratio": (1.4, 1.7), "phasing": 0.2, "second": {"damping": 0.01}}
+    return build(two_stage(**{"mean_stiffness": (1.0, 1.2), "input_shaft_stiffness": 0.0} | meshes | changes))
+
+
+@pytest.mark.parametrize("damping", [{}, {"damping_ratio": 0.01}])
+def test_stability_is_that_of_the_whole_system(damping: dict[str, float]) -> None:
+    whole = train(**damping)
+    elastic = without_rigid_modes(whole)
+    assert elastic.size == whole.size - 1
+    omega = np.linspace(0.5, 7.0, 200)
+    # The same exponents from matrices of another size: rounding of two products, a few 1e-14.
+    np.testing.assert_allclose(solve(elastic, omega).growth_rate, solve(whole, omega).growth_rate, atol=1e-12)
+    frequency = mean_modes(whole).natural_frequency
+    np.testing.assert_allclose(mean_modes(elastic).natural_frequency, frequency[1:], rtol=1e-13)
+
+
+def test_a_planetary_gear_keeps_its_symmetry() -> None:
+    """A turn of the planets takes the elastic modes into one another: it is an isometry of their energies."""
+    supports = SUPPORTS | {"carrier_rotation": 0.0, "sun_rotation": 0.0}
+    whole = build(with_epsilon(parameters(harmonics=1, supports=supports), 0.2))
+    elastic = without_rigid_modes(whole)
+    assert elastic.size < whole.size
+    (symmetry,) = elastic.symmetries
+    turn = symmetry.turn
+    for matrix in (elastic.mass, elastic.stiffness_matrix([mesh.mean_stiffness for mesh in elastic.meshes])):
+        np.testing.assert_allclose(turn.T @ matrix @ turn, matrix, atol=1e-10 * np.abs(matrix).max())
+    np.testing.assert_allclose(np.linalg.matrix_power(turn, symmetry.order), np.eye(elastic.size), atol=1e-10)
+    omega = np.linspace(0.3, 2.0, 40) * mean_modes(elastic).natural_frequency[-1]
+    found = solve(elastic, omega).growth_rate
+    assert found.max() > 0
+    np.testing.assert_allclose(found, solve(whole, omega).growth_rate, atol=1e-10 * found.max())
+
+
+def test_a_system_without_rigid_modes_stays_as_it_is() -> None:
+    whole = train(input_shaft_stiffness=0.5)
+    assert without_rigid_modes(whole) is whole
+
+
+def test_rigid_modes_stay_where_damping_couples_them() -> None:
+    whole = replace(train(), damping=np.diag([0.1, 0.0, 0.0]))
+    assert without_rigid_modes(whole) is whole

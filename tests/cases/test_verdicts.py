@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import ran
+from scenes import ran, succeeds
 
 from gearstab.config import load
 from gearstab.floquet import solve
@@ -19,8 +19,7 @@ HERE = Path(__file__).parent
 
 
 def facts(name: str, *options: str) -> dict:
-    done = ran("info", HERE / f"{name}.yaml", "--json", *options)
-    assert done.exit_code == 0, done.output
+    done = succeeds("info", HERE / f"{name}.yaml", "--json", *options)
     return json.loads(done.stdout)
 
 
@@ -106,7 +105,7 @@ def test_natural_frequencies_of_a_system_with_terms_are_those_of_the_whole_mean_
     sweep = f"sweep={{mesh_frequency: [0.5, 5], s: [{', '.join(entry.format(s) for s in coupling)}]}}"
     out = tmp_path / "result.h5"
     options = ["--set", sweep, "--set", "methods={natural_frequencies: {}, perturbation: {}}"]
-    assert ran("sweep", HERE / "d1_mean_system_unstable.yaml", "-o", out, *options).exit_code == 0
+    succeeds("sweep", HERE / "d1_mean_system_unstable.yaml", "-o", out, *options)
     with open_result(out) as tree:
         for group in ("modes", "natural_frequencies"):
             assert "damped" in tree[group]["natural_frequency"].attrs["long_name"]
@@ -164,7 +163,6 @@ def report(folder: Path, name: str, *options: str) -> str:
     """A report as text."""
     out = folder / "page.html"
     out.unlink(missing_ok=True)
-    done = ran("report", HERE / f"{name}.yaml", "-o", out, *options)
-    assert done.exit_code == 0, done.output
+    succeeds("report", HERE / f"{name}.yaml", "-o", out, *options)
     text = re.sub(r"<style>.*?</style>|<[^>]+>", " ", out.read_text(), flags=re.S)
     return re.sub(r"\s+", " ", unescape(text))

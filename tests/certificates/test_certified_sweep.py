@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from scenes import ran, result_of, scene_text, written
+from scenes import opened, ran, refused, result_of, scene_text, succeeds, written
 
 pytest.importorskip("flint")
 
@@ -46,21 +46,18 @@ def copied(stored: Path, tmp_path: Path) -> Path:
 
 
 def test_all_pieces_are_proved_again(stored: Path) -> None:
-    with open_result(stored) as tree:
-        found = tree["boundaries"].to_dataset().load()
+    found = opened(stored)["boundaries"].to_dataset()
     assert (found["certified_share"] > 0.999).all()
     # The widest part left is next to an edge: the part of the range that is given up there.
     assert (found["uncertified_width"] < 4e-4).all()
-    done = ran("verify", stored)
-    assert done.exit_code == 0
+    done = succeeds("verify", stored)
     count = int(np.isfinite(found["certificate_frequency"].values[:, 0]).sum())
     assert f"{count} of {count} certificates proved" in done.stdout
     assert "theorem" in done.stdout
 
 
 def test_pieces_agree_with_the_regions(stored: Path) -> None:
-    with open_result(stored) as tree:
-        found = tree["boundaries"].to_dataset().load()
+    found = opened(stored)["boundaries"].to_dataset()
     for row in range(2):
         ends = found["certificate_frequency"].values[:, :, row]
         outside = found["certificate"].values[:, row, 0]
@@ -74,8 +71,7 @@ def test_pieces_agree_with_the_regions(stored: Path) -> None:
 
 def test_few_coordinates_need_no_numbers_but_the_ends(stored: Path) -> None:
     """A piece from edge to edge: one at epsilon 0.1, one before, in and after the region at 0.3; no coordinates."""
-    with open_result(stored) as tree:
-        found = tree["boundaries"].to_dataset().load()
+    found = opened(stored)["boundaries"].to_dataset()
     there = np.isfinite(found["certificate_frequency"].values[:, 0])
     assert there.sum(axis=0).tolist() == [1, 3]
     numbers = found["certificate"].sel(entry=["outside", "rate"]).values[there]
@@ -94,8 +90,7 @@ def test_info_says_how_much_has_certificates(stored: Path) -> None:
 
 def test_the_gap_around_every_edge_is_stored(stored: Path) -> None:
     """At epsilon 0.3 a piece ends on each side of both edges, so far apart; at 0.1 there are none."""
-    with open_result(stored) as tree:
-        found = tree["boundaries"].to_dataset().load()
+    found = opened(stored)["boundaries"].to_dataset()
     gap, edges = found["uncertified_at_boundary"].values[..., 1], found["boundary_frequency"].values[..., 1]
     ends = found["certificate_frequency"].values[:, :, 1]
     assert np.isnan(found["uncertified_at_boundary"].values[..., 0]).all()
@@ -171,8 +166,7 @@ def test_points_of_a_grid_are_marked_and_proved_again(tmp_path: Path) -> None:
     found = result_of(tmp_path, POINTS, "floquet")
     assert (found["certified"] == 1).all()
     assert set(found["stable"].values.ravel().tolist()) == {0, 1}
-    done = ran("verify", tmp_path / "case.h5")
-    assert done.exit_code == 0
+    done = succeeds("verify", tmp_path / "case.h5")
     assert "the verdict at 100 % of the points" in done.stdout
     with h5py.File(tmp_path / "case.h5", "r+") as file:
         stable = file["floquet/stable"]
@@ -193,7 +187,7 @@ def test_a_long_period_is_proved_by_a_form_that_is_carried_along(tmp_path: Path)
     assert (numbers[:, 0] == 0).all()
     assert (numbers[:, 1] == CARRIED).all()
     assert found["certified_share"] > 0.999
-    assert ran("verify", tmp_path / "case.h5").exit_code == 0
+    succeeds("verify", tmp_path / "case.h5")
     # What reaches over the edge by a thousandth is refused, and what ends nowhere.
     with h5py.File(tmp_path / "case.h5", "r+") as file:
         file["boundaries/certificate_frequency"][-1, 1, 0] *= 1 + 1e-3
@@ -207,16 +201,12 @@ def test_a_long_period_is_proved_by_a_form_that_is_carried_along(tmp_path: Path)
 
 def test_a_file_that_is_cut_short_is_refused(copied: Path) -> None:
     copied.write_bytes(copied.read_bytes()[:-4000])
-    done = ran("verify", copied)
-    assert done.exit_code == 2
-    assert "damaged" in done.stderr
+    assert "damaged" in refused("verify", copied)
 
 
 def test_a_result_without_certificates_is_refused(tmp_path: Path) -> None:
     result_of(tmp_path, CASE.replace("{certificate: true}", "{}"), "boundaries")
-    done = ran("verify", tmp_path / "case.h5")
-    assert done.exit_code == 2
-    assert "holds no certificates" in done.stderr
+    assert "holds no certificates" in refused("verify", tmp_path / "case.h5")
 
 
 class Interrupting(Reporter):
@@ -251,31 +241,26 @@ def test_an_interrupted_run_goes_on_where_it_was(copied: Path) -> None:
     ],
 )
 def test_what_has_no_certificates_is_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
-    done = ran("check", written(tmp_path, CASE.replace(old, new)))
-    assert done.exit_code == 2
-    assert said in done.stderr
+    assert said in refused("check", written(tmp_path, CASE.replace(old, new)))
 
 
 def test_springs_that_give_way_while_the_speed_follows_are_refused(tmp_path: Path) -> None:
     """Their stiffness is no polynomial of the speed; with the carrier's speed held it is a number, and accepted."""
     given = PLANETARY.read_text().replace("boundaries: {}", "boundaries: {certificate: true}")
-    done = ran("check", written(tmp_path, given))
-    assert done.exit_code == 2
-    assert "methods.boundaries.certificate: needs springs that do not give way" in done.stderr
-    assert "hold the speed, or remove it" in done.stderr
+    said = refused("check", written(tmp_path, given))
+    assert "methods.boundaries.certificate: needs springs that do not give way" in said
+    assert "hold the speed, or remove it" in said
     with pytest.raises(ValueError, match="go with the speed or its square"):
         segments(build(load(PLANETARY).system))
     held = given.replace("carrier_speed: from_teeth", 'carrier_speed: {speed: "100 rpm"}')
     range_of_input = 'input_speed: {start: "500 rpm", stop: "30000 rpm"'
     held = held.replace(range_of_input, "mesh_frequency: {start: 1.0e+3, stop: 2.0e+3")
-    assert ran("check", written(tmp_path, held)).exit_code == 0
+    succeeds("check", written(tmp_path, held))
 
 
 def test_python_flint_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gearstab.methods.restriction.find_spec", lambda name: None)
-    done = ran("sweep", written(tmp_path, CASE))
-    assert done.exit_code == 2
-    assert "gearstab[verify]" in done.stderr
+    assert "gearstab[verify]" in refused("sweep", written(tmp_path, CASE))
 
 
 SHAFT = """\
@@ -305,12 +290,11 @@ methods:
 def test_systems_with_speeds_of_rotation_are_proved_as_they_turn(tmp_path: Path, speed: str) -> None:
     found = result_of(tmp_path, SHAFT.replace("SPEED", speed), "boundaries")
     assert found["certified_share"] > 0.999
-    with open_result(tmp_path / "case.h5") as tree:
-        points = tree["floquet"].to_dataset().load()
+    points = opened(tmp_path / "case.h5")["floquet"].to_dataset()
     stable, ends = points["stable"].values, found["certificate_frequency"].values
     assert (points["certified"] == 1).all()
     assert set(stable.tolist()) == {"speed: 4.0": {0}}.get(speed, {0, 1})
     for at, own in zip(points["mesh_frequency"].values, stable.tolist(), strict=True):
         (inside,) = np.nonzero((ends[:, 0] <= at) & (at <= ends[:, 1]))
         assert all((found["certificate"].values[inside, 0] == 0) == own)
-    assert ran("verify", tmp_path / "case.h5").exit_code == 0
+    succeeds("verify", tmp_path / "case.h5")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import code, scene_text
+from scenes import code, opened, scene_text
 
 from gearstab.cli.messages import Messages, reporter
 from gearstab.cli.terminal import tell
@@ -152,8 +152,7 @@ def test_export_is_tidy_and_exact(folder: Path, capsys: pytest.CaptureFixture[st
     assert list(rows[0]) == [
         "case", "mesh_frequency", "epsilon", "meshes.second.phasing", "growth_rate", "stable", "status",
     ]  # fmt: skip
-    with open_result(folder / "results" / "train.h5") as tree:
-        growth = tree["floquet"]["growth_rate"].load()
+    growth = opened(folder / "results" / "train.h5")["floquet"]["growth_rate"]
     for row in rows:
         at = {"case": row["case"], "mesh_frequency": float(row["mesh_frequency"]), "epsilon": float(row["epsilon"])}
         assert float(row["growth_rate"]) == float(growth.sel(at))
@@ -165,8 +164,7 @@ def test_export_is_tidy_and_exact(folder: Path, capsys: pytest.CaptureFixture[st
 def test_export_of_tongues(folder: Path) -> None:
     code("sweep", "train.yaml", "-q")
     rows = exported("--group", "perturbation")
-    with open_result(folder / "results" / "train.h5") as tree:
-        data = tree["perturbation"].to_dataset().load()
+    data = opened(folder / "results" / "train.h5")["perturbation"].to_dataset()
     assert len(rows) == data.sizes["tongue"] * 2 * 2 * 2
     row = next(
         r for r in rows if (r["label"], r["side"], r["case"], r["epsilon"]) == ("2w3", "upper", "against", "0.3")

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from scenes import TRAIN, code, ran, written
+from scenes import TRAIN, code, ran, refused, succeeds, written
 
 import gearstab as gs
 from gearstab.cli import COMMANDS
@@ -26,22 +26,20 @@ SMALL = {"mesh_frequency": 7, "input_speed": 7, "epsilon": 2}
 
 def test_every_kind_has_a_start() -> None:
     assert STARTS.keys() == KINDS.keys()
-    listed = ran("init")
-    assert listed.exit_code == 0
+    listed = succeeds("init")
     assert [line.split()[0] for line in listed.stdout.splitlines()] == list(KINDS)
 
 
 @pytest.mark.parametrize("kind", STARTS)
 def test_a_start_is_right_and_sweeps(kind: str, tmp_path: Path) -> None:
-    printed = ran("init", kind)
-    assert printed.exit_code == 0
+    printed = succeeds("init", kind)
     config = written(tmp_path, printed.stdout)
     checked = ran("check", config)
     assert (checked.exit_code, checked.stderr) == (0, "")
     few = [f"sweep.{name}.num={SMALL[name]}" for name in gs.load(config).document.data["sweep"]]
     options = [word for text in few for word in ("--set", text)]
-    assert ran("sweep", config, "-o", tmp_path / "out.h5", *options).exit_code == 0
-    assert ran("plot", tmp_path / "out.h5", "--dpi", "50").exit_code == 0
+    succeeds("sweep", config, "-o", tmp_path / "out.h5", *options)
+    succeeds("plot", tmp_path / "out.h5", "--dpi", "50")
 
 
 @pytest.mark.parametrize("kind", STARTS)
@@ -84,9 +82,7 @@ def test_comments_are_the_descriptions_of_the_keys(kind: str) -> None:
     ],
 )
 def test_an_unknown_kind_is_corrected(kind: str, remedy: str) -> None:
-    said = ran("init", kind)
-    assert said.exit_code == 2
-    assert said.stderr.strip() == f"there is no kind of system '{kind}'; {remedy}"
+    assert refused("init", kind).strip() == f"there is no kind of system '{kind}'; {remedy}"
 
 
 @pytest.mark.parametrize("command", ["sweep", "check", "info", "respond", "bench"])

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scenes import CONFIGS, code, ran, scene_text, written
+from scenes import CONFIGS, code, ran, refused, scene_text, succeeds, written
 
 from gearstab.info import outcome
 
@@ -19,7 +19,7 @@ def swept(folder: Path, name: str, *overrides: str) -> Path:
     """A result, made from a file of its name beside it."""
     out = folder / f"{name}.h5"
     words = [word for text in overrides for word in ("--set", text)]
-    assert ran("sweep", written(folder, CONFIG, f"{name}.yaml"), "-o", out, "-q", *words).exit_code == 0
+    succeeds("sweep", written(folder, CONFIG, f"{name}.yaml"), "-o", out, "-q", *words)
     return out
 
 
@@ -78,10 +78,9 @@ def test_a_condition_decides_the_exit_code(
 @pytest.mark.parametrize("text", ["unstabl", "unstable < 1", "growth > fast", "growth > nan", ""])
 def test_a_condition_must_be_one(tmp_path: Path, text: str) -> None:
     path = written(tmp_path, CONFIG)
-    found = ran("sweep", path, "-o", tmp_path / "out.h5", "--fail-if", text)
-    assert found.exit_code == 2
-    assert "quantities: unstable, growth, flagged, failed, regions" in found.stderr
-    assert found.stderr.count("\n") == 1
+    assert "quantities: unstable, growth, flagged, failed, regions" in refused(
+        "sweep", path, "-o", tmp_path / "out.h5", "--fail-if", text
+    )
     assert not (tmp_path / "out.h5").exists()
 
 
@@ -126,8 +125,7 @@ def results(result: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pat
 
 
 def test_a_result_is_the_same_as_itself(results: tuple[Path, Path]) -> None:
-    found = ran("diff", results[0], results[0])
-    assert found.exit_code == 0
+    found = succeeds("diff", results[0], results[0])
     assert found.stdout == f"{results[0]} and {results[0]} are the same\n"
 
 
@@ -190,6 +188,6 @@ def test_folders_are_compared_by_the_names_of_their_results(results: tuple[Path,
     alone = json.loads(ran("diff", *results, "--json").stdout)
     assert told["results"]["other.h5"].items() <= alone.items()
     assert told["results"]["same.h5"]["same"]
-    assert ran("diff", first, first).exit_code == 0
+    succeeds("diff", first, first)
     none = ran("diff", first, tmp_path)
     assert (none.exit_code, none.stderr.count("\n")) == (2, 1)

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given
 from random_documents import Document, documents
-from scenes import examples
+from scenes import examples, written
 
 from gearstab.cli import group
 from gearstab.results import open_result
@@ -25,8 +25,7 @@ def called(*words: object) -> str:
 
 def answered(document: Document, folder: Path) -> None:
     """Run all commands on a configuration and look at what the sweep left."""
-    path, out = folder / "random.yaml", folder / "random.h5"
-    path.write_text(json.dumps(document))
+    path, out = written(folder, json.dumps(document), "random.yaml"), folder / "random.h5"
     called("check", path)
     called("sweep", path, "-o", out, "--overwrite", "-j", 1)
     with open_result(out) as tree:

@@ -8,10 +8,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from scenes import scene_text
-from scipy.io import savemat
+from scenes import scene_text, written
+from scipy import sparse
+from scipy.io import mmwrite, savemat
 
 from gearstab.config import ConfigError, load
+from gearstab.systems import build
 
 MODEL = scene_text("config_files_model")
 SAMPLES = scene_text("config_files_samples")
@@ -34,8 +36,7 @@ def save(path: Path, content) -> None:
 
 
 def problem(folder: Path, text: str, name: str):
-    path = folder / "scene.yaml"
-    path.write_text(text.replace("NAME", name))
+    path = written(folder, text.replace("NAME", name), "scene.yaml")
     with pytest.raises(ConfigError) as caught:
         load(path)
     (found,) = caught.value.problems
@@ -54,8 +55,7 @@ def test_damaged_files(tmp_path, text, name):
     path = tmp_path / name
     save(path, content_of(text))
     data = path.read_bytes()
-    scene = tmp_path / "scene.yaml"
-    scene.write_text(text.replace("NAME", name))
+    scene = written(tmp_path, text.replace("NAME", name), "scene.yaml")
     load(scene)
     random = np.random.default_rng(1)
     for k in range(4 if text is MODEL and name.endswith(".mat") else 120):  # a process for each of those
@@ -140,3 +140,37 @@ def test_data_in_other_files_is_not_looked_at(tmp_path):
 @pytest.mark.parametrize("name", ["n" * 300 + ".npz", "none/model.npz", "scene.yaml/model.npz", "model.npz/"])
 def test_names_that_are_no_file(tmp_path, name):
     problem(tmp_path, MODEL, name)
+
+
+# --- Matrix Market files of a configuration: read as what they hold, or one line that names the file and the remedy
+
+
+TEXT = """\
+system:
+  kind: matrices
+  FILES
+  meshes: [{direction: [1, -2], mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}]
+"""
+MASS, STIFFNESS = np.diag([1.0, 2.0]), np.array([[3.0, -1.0], [-1.0, 4.0]])
+
+
+def scene(folder: Path, files: str) -> Path:
+    mmwrite(folder / "M.mtx", sparse.coo_array(MASS))
+    mmwrite(folder / "K.mtx", sparse.coo_array(STIFFNESS), symmetry="symmetric")
+    mmwrite(folder / "C.mtx", 0.1 * STIFFNESS)
+    (folder / "scene.yaml").write_text(TEXT.replace("FILES", files))
+    return folder / "scene.yaml"
+
+
+@pytest.mark.parametrize("key", ["files", "file"])
+def test_a_file_for_each_matrix(tmp_path: Path, key: str) -> None:
+    config = load(scene(tmp_path, key + ": {mass: M.mtx, stiffness: K.mtx, damping: C.mtx}"))
+    system = build(config.system)
+    np.testing.assert_array_equal(system.mass, MASS)
+    np.testing.assert_array_equal(system.stiffness, STIFFNESS)
+    np.testing.assert_array_equal(system.damping, 0.1 * STIFFNESS)
+    assert "files: {mass: M.mtx, stiffness: K.mtx, damping: C.mtx}" in config.resolved
+    (tmp_path / "again.yaml").write_text(config.resolved)
+    assert load(tmp_path / "again.yaml").digest == config.digest
+    mmwrite(tmp_path / "M.mtx", 2 * MASS)
+    assert load(tmp_path / "again.yaml").digest != config.digest

@@ -12,7 +12,7 @@ import h5py
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import CONFIGS, DATA, ran, read, scene_text
+from scenes import CONFIGS, DATA, read, scene_text, succeeds, written
 
 from gearstab.config import ConfigError
 from gearstab.config.model.units import KNOWN, UnitError, hint_of, scale, to_si
@@ -80,10 +80,8 @@ system:
 respond: {mesh_frequency: 500, cycles: 3, initial: {displacement: [0, 0], velocity: [0, 0]}}
 """
     assert first_problem(tmp_path, text, "meshes.0.backlash=1 mm").path == "system.meshes.0.backlash"
-    path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
-    path.write_text(text)
-    done = ran("respond", path, "-o", out)
-    assert done.exit_code == 0, done.output
+    path, out = written(tmp_path, text, "scene.yaml"), tmp_path / "out.h5"
+    succeeds("respond", path, "-o", out)
     expected = {
         "displacement": "rad", "velocity": "rad/s", "mesh_deflection": "rad", "mesh_force": "N m", "play": "rad",
         "event_velocity": "rad/s", "peak_to_peak": "rad", "time": "s", "energy": "J", "event_time": "s",
@@ -113,10 +111,8 @@ def units_in(path: Path) -> dict[str, str]:
     ids=["sweep", "respond", "backlash"],
 )
 def test_results_of_a_model_without_units_have_none(tmp_path, command, changes):
-    path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
-    path.write_text(NONE)
-    done = ran(command, path, "-o", out, *changes)
-    assert done.exit_code == 0, done.output
+    path, out = written(tmp_path, NONE, "scene.yaml"), tmp_path / "out.h5"
+    succeeds(command, path, "-o", out, *changes)
     assert set(units_in(out).values()) == {"1"}
     with h5py.File(out) as file:
         assert set(file["modes/dof_units"].asstr()) == {"1"}
@@ -131,8 +127,7 @@ system: {kind: gear_pair, units: none, teeth: [20, 40], inertias: [1.0, 16.0], t
          contact_ratio: 1.5, torque: 0.01, damping_ratio: 0.1}
 respond: {speed: 0.01, cycles: 20}
 """)
-    done = ran("respond", path, "-o", out)
-    assert done.exit_code == 0, done.output
+    succeeds("respond", path, "-o", out)
     assert set(units_in(out).values()) == {"1"}
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import ran, scene_text
+from scenes import scene_text, succeeds, written
 
 from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
@@ -30,10 +30,13 @@ PAIR = {
 
 def responded(folder: Path, support: str) -> Path:
     """The result of ``gearstab respond`` for the train, its pinion supported or not."""
-    config, out = folder / "train.yaml", folder / "train.h5"
-    config.write_text(GEARBOX.replace(", support: SUPPORT", f", support: {support}" if support else ""))
-    done = ran("respond", config, "-o", out)
-    assert done.exit_code == 0, done.output
+    config, out = (
+        written(
+            folder, GEARBOX.replace(", support: SUPPORT", f", support: {support}" if support else ""), "train.yaml"
+        ),
+        folder / "train.h5",
+    )
+    succeeds("respond", config, "-o", out)
     return out
 
 
@@ -105,10 +108,13 @@ def test_metres_stay_what_they_were(units: tuple[str, ...]) -> None:
 
 def test_an_axis_of_input_speed_says_what_mesh_frequency_it_gives(tmp_path: Path) -> None:
     swept = GEARBOX[: GEARBOX.index("respond:")].replace(", support: SUPPORT", "")
-    config, out = tmp_path / "train.yaml", tmp_path / "swept.h5"
-    config.write_text(swept + 'sweep: {input_speed: ["600 rpm", "1200 rpm"]}\nmethods: {floquet: {}}\n')
-    done = ran("sweep", config, "-o", out)
-    assert done.exit_code == 0, done.output
+    config, out = (
+        written(
+            tmp_path, swept + 'sweep: {input_speed: ["600 rpm", "1200 rpm"]}\nmethods: {floquet: {}}\n', "train.yaml"
+        ),
+        tmp_path / "swept.h5",
+    )
+    succeeds("sweep", config, "-o", out)
     with open_result(out) as tree:
         # 20 teeth pass in every turn of the pinion, which turns with the input.
         assert tree["input_speed"].attrs["mesh_frequency_factor"] == 20

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from driven import breaks, force_and_matrices, mesh_force
-from scenes import CONFIGS, problems, ran, read, written
+from scenes import CONFIGS, problems, read, succeeds, written
 from scipy.linalg import expm
 
 from gearstab.config import load
@@ -28,8 +28,7 @@ PLANETARY = (FOLDER / "planetary.yaml").read_text()
 
 def designed(source: Path, folder: Path) -> xr.Dataset:
     """The result of a configuration."""
-    done = ran("design", source, "-o", folder / "out.h5", "-q")
-    assert done.exit_code == 0, done.output
+    succeeds("design", source, "-o", folder / "out.h5", "-q")
     with xr.open_datatree(folder / "out.h5", engine="h5netcdf") as tree:
         return tree["design"].to_dataset().load()
 

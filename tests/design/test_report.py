@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from scenes import CONFIGS, TRAIN, ran, scene_text, written
+from scenes import CONFIGS, TRAIN, ran, scene_text, succeeds, written
 
 from gearstab.cli.report import contact, facts
 from gearstab.cli.report.content import page
@@ -42,8 +42,7 @@ def plain(data: str) -> str:
 @pytest.fixture(scope="module")
 def proposed(tmp_path_factory: pytest.TempPathFactory) -> str:
     folder = tmp_path_factory.mktemp("report")
-    done = ran("report", written(folder, TRAIN + DESIGN), "-o", folder / "page.html")
-    assert done.exit_code == 0, done.output
+    succeeds("report", written(folder, TRAIN + DESIGN), "-o", folder / "page.html")
     return (folder / "page.html").read_text()
 
 
@@ -127,7 +126,7 @@ def test_steps_show_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
 
 def test_damping_that_suffices(tmp_path: Path) -> None:
     source = written(tmp_path, TRAIN.replace("tooth_ratio: 1", "tooth_ratio: 1\n  damping_ratio: 0.1") + SWEEP)
-    assert ran("report", source, "-o", tmp_path / "page.pdf").exit_code == 0
+    succeeds("report", source, "-o", tmp_path / "page.pdf")
     assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF-")
     found = page(load(source), lambda text: None)
     verdict = found.blocks[0]

@@ -19,7 +19,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import TRAIN, ran
+from scenes import TRAIN, succeeds
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 pytest.importorskip("bokeh")
@@ -171,8 +171,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     slices = "  meshes.first.contact_ratio: [1.3, 1.5]\nmethods: {floquet: {}, boundaries: {}}\n"
     (path / "train.yaml").write_text(TRAIN + sweep + slices)
     for command in (("sweep", "train.yaml", "-o", "train.h5"), ("plot", "train.h5", "-o", "map.html")):
-        done = ran(*(path / word if "." in word else word for word in command))
-        assert done.exit_code == 0, done.output
+        succeeds(*(path / word if "." in word else word for word in command))
     return path
 
 
@@ -234,8 +233,7 @@ def test_without_scripts_the_first_slice_shows(tab: Tab, folder: Path) -> None:
 
 def test_a_report_is_whole(tab: Tab, tmp_path: Path) -> None:
     (tmp_path / "train.yaml").write_text(TRAIN + "sweep:\n  mesh_frequency: {start: 4.0, stop: 7.0, num: 11}\n")
-    done = ran("report", tmp_path / "train.yaml", "-o", tmp_path / "report.html", "--set", "methods={floquet: {}}")
-    assert done.exit_code == 0, done.output
+    succeeds("report", tmp_path / "train.yaml", "-o", tmp_path / "report.html", "--set", "methods={floquet: {}}")
     tab.open(tmp_path / "report.html")
     widths = tab.value("[...document.images].map(image => image.complete ? image.naturalWidth : 0)")
     assert widths

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import CONFIGS
+from scenes import CONFIGS, written
 from scipy import sparse
 from scipy.io import loadmat, mmwrite
 from scipy.linalg import eigvals
@@ -140,10 +140,10 @@ def skewed() -> tuple[np.ndarray, np.ndarray]:
 def scene(folder: Path, more: str = "", **held: np.ndarray) -> Path:
     """Return the path of a configuration whose file holds these matrices."""
     np.savez(folder / "model.npz", **held)
-    path = folder / "case.yaml"
-    path.write_text(
+    path = written(
+        folder,
         "system:\n  kind: matrices\n  file: model.npz\n  meshes: [{direction: {q3: 1, q6: -2}, mean_stiffness: 50, "
-        f"epsilon: 0.3, contact_ratio: 1.6}}]\n{more}"
+        f"epsilon: 0.3, contact_ratio: 1.6}}]\n{more}",
     )
     return path
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from driven import integrated
 from random_trains import light_train
-from scenes import ran
+from scenes import succeeds
 from systems import DAMPING, G1, G2, MASS, SHAFT, WITH_TERMS, Smooth, friction, train, with_terms
 
 from gearstab.ckernel import exponentials
@@ -234,8 +234,7 @@ def test_commands_take_terms_beside_rectangular_waves(tmp_path, text, command):
     (tmp_path / "case.yaml").write_text(text)
     path, out = str(tmp_path / "case.yaml"), str(tmp_path / "out.h5")
     arguments = {"sweep": ["sweep", path, "-o", out], "dry run": ["sweep", path, "--dry-run"], "info": ["info", path]}
-    result = ran(*arguments[command])
-    assert result.exit_code == 0, result.output
+    result = succeeds(*arguments[command])
     if command == "info":
         assert "With its damping, the means of its terms and held rotations it moves so" in result.output
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from planetary_gears import cyclic
-from scenes import ran, scene_text, written
+from scenes import ran, refused, scene_text, succeeds, written
 from systems import star, train
 
 from gearstab.floquet import solve
@@ -101,7 +101,7 @@ def test_torn_pairs():
 
 def test_result_says_what_was_reduced(config, tmp_path):
     out = tmp_path / "star.h5"
-    assert ran("sweep", config, "-o", out, "-q").exit_code == 0
+    succeeds("sweep", config, "-o", out, "-q")
     with xr.open_datatree(out) as tree:
         found = tree["floquet"].attrs
         assert found["reduction"] == "blocks of 2, 1 (twice) modes"
@@ -112,8 +112,7 @@ def test_result_says_what_was_reduced(config, tmp_path):
 
 def test_map_of_chosen_modes(config, tmp_path):
     out = tmp_path / "star.h5"
-    done = ran("sweep", config, "-o", out, "-q", "--set", "methods.floquet={modes: [3, 2], exponents: true}")
-    assert done.exit_code == 0, done.output
+    succeeds("sweep", config, "-o", out, "-q", "--set", "methods.floquet={modes: [3, 2], exponents: true}")
     with xr.open_datatree(out) as tree:
         group = tree["floquet"]
         assert group.attrs["restriction"].startswith("modes 2, 3 of the base system: 2 of 4 modes, which nothing")
@@ -148,8 +147,7 @@ def test_boundaries_of_chosen_modes_bear_their_numbers_in_the_whole_system(confi
     found = {}
     for name, options in (("whole", "{}"), ("in phase", "{modes: [1, 4]}"), ("out of phase", "{modes: [2, 3]}")):
         out = tmp_path / f"{name}.h5"
-        done = ran("sweep", config, "-o", out, "-q", "--set", f"methods.boundaries={options}")
-        assert done.exit_code == 0, done.output
+        succeeds("sweep", config, "-o", out, "-q", "--set", f"methods.boundaries={options}")
         found[name], attributes = edges_of(out)
         assert ("restriction" in attributes) == (name != "whole")
     for label in ("2w1", "w1+w4", "2w4", "w4"):
@@ -162,7 +160,6 @@ def test_boundaries_of_chosen_modes_bear_their_numbers_in_the_whole_system(confi
 
 
 def test_boundaries_refuse_a_part_of_a_pair_of_modes(config, tmp_path):
-    done = ran("sweep", config, "-o", tmp_path / "x.h5", "--set", "methods.boundaries={modes: [2]}")
-    assert done.exit_code == 2
-    assert "methods.boundaries.modes" in done.output
-    assert "modes 2, 3 have equal frequencies" in done.output
+    said = refused("sweep", config, "-o", tmp_path / "x.h5", "--set", "methods.boundaries={modes: [2]}")
+    assert "methods.boundaries.modes" in said
+    assert "modes 2, 3 have equal frequencies" in said

@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import oracle
 import pytest
+from scenes import scene_text, succeeds, written
 from systems import COSINE, Smooth
 
 from gearstab.floquet import solve
@@ -116,3 +118,31 @@ def test_unit_of_stiffness_does_not_matter():
         expected = solve(SYSTEMS["one"], OMEGA)
         np.testing.assert_allclose(found.growth_rate / np.sqrt(0.9 * size), expected.growth_rate, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(mean_modes(system).squared_frequency, 0.0)
+
+
+# --- results hold no negative zeros, which read as if something decayed
+
+
+SWEEP = scene_text("negative_zeros_sweep")
+APART = scene_text("negative_zeros_apart")
+
+
+@pytest.mark.parametrize(
+    ("command", "text", "changes"),
+    [("sweep", SWEEP, []), ("sweep", SWEEP, ["--set", "damping_ratio=0.02"]), ("respond", APART, [])],
+    ids=["sweep", "damped", "backlash"],
+)
+def test_zeros_have_no_sign(tmp_path, command, text, changes):
+    path, out = written(tmp_path, text, "scene.yaml"), tmp_path / "out.h5"
+    succeeds(command, path, "-o", out, *changes)
+    negative = []
+
+    def look(name, item):
+        if isinstance(item, h5py.Dataset) and item.dtype.kind == "f":
+            values = item[()]
+            if np.any((values == 0) & np.signbit(values)):
+                negative.append(name)
+
+    with h5py.File(out) as file:
+        file.visititems(look)
+    assert not negative

@@ -1,13 +1,19 @@
 """Compiled products of segments whose generators go with the mesh frequency, against their form in NumPy."""
 
+from __future__ import annotations
+
+import mpmath as mp
 import numpy as np
 import numpy_kernel
+import numpy_matrices
 import pytest
 
 from gearstab import ckernel
+from gearstab.ckernel import eigenvalues, exponentials
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.segments.pattern import Succession
+from gearstab.modal import symmetric_eigen
 from gearstab.system import Array
 
 SHAPES = [
@@ -106,3 +112,95 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
             ckernel.library.scan_damped("plain", *given[:index], wrong, *given[index + 1 :], 0, 1, 1, *room)
     with pytest.raises(ValueError, match="shapes"):
         ckernel.library.exponents("plain", *given, 0, 1, 1, room[0], np.empty((1, 1, 4), dtype=complex))
+
+
+# --- compiled eigenvalues and exponentials against those of NumPy
+
+
+@pytest.mark.usefixtures("level")
+@pytest.mark.parametrize("size", [1, 2, 3, 5, 8])
+def test_eigenvalues(size: int) -> None:
+    matrix = np.random.default_rng(size).normal(size=(13, size, size))
+    matrix[3, 0, 0] = np.nan
+    matrix[5] = np.eye(size)
+    found = eigenvalues(matrix)
+    assert np.isnan(found[3]).all()
+    for k in set(range(13)) - {3}:
+        expected = np.linalg.eigvals(matrix[k])
+        gaps = np.abs(found[k][:, None] - expected[None])
+        # Eigenvalues of such matrices are known to eps times a condition number of at most some hundreds.
+        assert max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) < 1e-12
+
+
+@pytest.mark.usefixtures("level")
+def test_eigenvalues_of_two_equal_blocks_that_are_just_coupled() -> None:
+    """Entries of a rounding error join the blocks for some sweeps; eigenvalues stay as they are."""
+    random = np.random.default_rng(1)
+    for _ in range(400):
+        block = np.triu(random.normal(size=(3, 3)), -1)
+        matrix = np.kron(np.eye(2), block)
+        matrix[3, 2], matrix[:3, 3:] = 3e-16 * random.normal(), 1e-16 * random.normal(size=(3, 3))
+        expected, vectors = np.linalg.eig(block)
+        gaps = np.abs(eigenvalues(matrix[None])[0][:, None] - expected).min(axis=1)
+        # Some rounding errors of matrices of order one, times the condition of the eigenvectors.
+        assert gaps.max() < 5e-14 * np.linalg.cond(vectors)
+
+
+@pytest.mark.usefixtures("level")
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 6, 9, 12])
+@pytest.mark.parametrize("count", [1, 7, 17])
+def test_exponentials(size: int, count: int) -> None:
+    """Matrices of very different sizes side by side; the last one decays by more than numbers hold."""
+    random = np.random.default_rng(size)
+    matrix = random.normal(size=(count, size, size)) * 10.0 ** random.uniform(-9, 1.3, size=(count, 1, 1))
+    if count > 1:
+        matrix[1, 0, 0], matrix[2], matrix[-1] = np.nan, 0.0, -900 * np.eye(size) + matrix[-1]
+    found = exponentials(matrix)
+    for k in range(count):
+        if not np.isfinite(matrix[k]).all():
+            assert np.isnan(found[k]).all()
+            continue
+        expected = numpy_matrices.exponential(matrix[k])
+        # Squaring magnifies the rounding errors of a small part as often as that is added up.
+        size_of = max(1.0, np.abs(matrix[k]).sum(axis=0).max())
+        assert np.abs(found[k] - expected).max() < 1e-15 * size * size_of * np.abs(expected).max() + 1e-300
+
+
+def test_exponentials_of_no_matrices() -> None:
+    assert exponentials(np.empty((0, 3, 3))).shape == (0, 3, 3)
+    assert exponentials(np.empty((2, 0, 0))).shape == (2, 0, 0)
+
+
+# --- eigenproblems of symmetric matrices of any order
+
+
+@pytest.mark.parametrize("n", [8, 15, 30])
+def test_eigenvectors_of_the_states_of_a_wave_do_not_drift(n):
+    """A product of hundreds of changes of modes adds up by how much their lengths are wrong: LAPACK's by 3 to 4 eps
+    each, a third of an eps and more on the average.
+    """
+    rng = np.random.default_rng(n)
+    first, second = rng.standard_normal((2, n, n))
+    wave = np.linspace(0, 1, 400)[:, None, None]
+    _, vectors = symmetric_eigen(first @ first.T + wave * (second + second.T))
+    exact = vectors.astype(np.longdouble)
+    excess = np.einsum("kij,kij->kj", exact, exact) - 1
+    eps = np.finfo(float).eps
+    # Entries of n^(-1/2) that are rounded to eps/2 at most change the squared length by some 0.6 eps.
+    assert excess.std() < eps
+    assert np.abs(excess.mean(axis=0)).max() < 0.2 * eps
+
+
+def test_small_eigenvalues_beside_large_ones_keep_their_digits():
+    """D A D with well-conditioned A and D over eight decades: relative accuracy (Demmel & Veselic 1992)."""
+    n = 14
+    rng = np.random.default_rng(4)
+    b = rng.standard_normal((n, n))
+    d = 10.0 ** np.linspace(-4, 4, n)
+    graded = d[:, None] * (b @ b.T + n * np.eye(n)) * d
+    with mp.workdps(60):
+        exact = np.array([float(v) for v in sorted(mp.eigsy(mp.matrix(graded.tolist()), eigvals_only=True))])
+    values, vectors = symmetric_eigen(np.stack([graded, graded[::-1, ::-1]]))
+    # Some n eps, by the condition of A.
+    np.testing.assert_allclose(values, [exact, exact], rtol=1e-13)
+    np.testing.assert_allclose(np.swapaxes(vectors, 1, 2) @ vectors, [np.eye(n)] * 2, atol=1e-14)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import ran, scene_text
+from scenes import scene_text, succeeds
 
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.general import analyse
@@ -428,8 +428,7 @@ SWEEP = scene_text("perturbation_unsymmetric_sweep")
 def test_a_sweep_over_friction_against_floquet(tmp_path: Path) -> None:
     (tmp_path / "case.yaml").write_text(SWEEP)
     out = tmp_path / "out.h5"
-    done = ran("sweep", tmp_path / "case.yaml", "-o", out)
-    assert done.exit_code == 0, done.output
+    succeeds("sweep", tmp_path / "case.yaml", "-o", out)
     with xr.open_datatree(out) as tree:
         data, stable = tree["perturbation"].to_dataset(), tree["floquet"]["stable"].values.reshape(-1, 2)
     labels = [str(label) for label in data["label"].values]

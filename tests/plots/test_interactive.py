@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import TRAIN, ran
+from scenes import TRAIN, succeeds
 
 from gearstab.plots.interactive import MOST_CELLS, reduced
 
@@ -18,9 +18,8 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
     axis = "  meshes.first.contact_ratio: [1.3, 1.5]\n"
     (folder / "train.yaml").write_text(TRAIN + SWEEP + axis + "methods: {floquet: {}, boundaries: {}}\n")
-    assert ran("sweep", folder / "train.yaml", "-o", folder / "train.h5").exit_code == 0
-    done = ran("plot", folder / "train.h5", "-o", folder / "map.html")
-    assert done.exit_code == 0, done.output
+    succeeds("sweep", folder / "train.yaml", "-o", folder / "train.h5")
+    succeeds("plot", folder / "train.h5", "-o", folder / "map.html")
     return folder / "map.html"
 
 

@@ -6,13 +6,17 @@ import numpy as np
 import plot_results as made
 import pytest
 import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from ruamel.yaml import YAML
-from scenes import TRAIN, ran
+from scenes import TRAIN, succeeds
 
 import gearstab
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
+from gearstab.plots.drawing.style import style
 from gearstab.plots.drawing.tongues import THIN, joints, pieces
+from gearstab.plots.motions.response import draw_long_line
 from gearstab.plots.view import Request, thinned
 
 ENTRIES = {
@@ -152,8 +156,7 @@ def test_the_largest_of_too_many_histories_are_drawn() -> None:
 
 def test_the_command_says_what_a_figure_leaves_out(tmp_path: Path) -> None:
     histories(25, 8).to_netcdf(tmp_path / "r.h5", engine="h5netcdf")
-    done = ran("plot", tmp_path / "r.h5", "--dpi", "50")
-    assert done.exit_code == 0, done.output
+    done = succeeds("plot", tmp_path / "r.h5", "--dpi", "50")
     assert "note: shows the mesh forces and the energy" in done.output
 
 
@@ -245,3 +248,23 @@ def test_a_region_that_is_one_light_line_has_an_entry() -> None:
         _, artists = draw(gearstab.sweep(gearstab.load(config)), dpi=50)
         words = [text.get_text() for text in artists["legend"].get_texts()]
         assert (THIN in words) == expected
+
+
+# --- lines of many samples on paper: no gap where Matplotlib would split them
+
+
+@pytest.mark.parametrize("samples", [4_000, 25_000])
+def test_a_line_has_no_gap(samples: int) -> None:
+    with style():
+        figure = Figure(figsize=(4, 1), dpi=200)
+        ax = figure.add_axes((0, 0, 1, 1))
+        x = np.linspace(0.0, 1.0, samples)
+        # Steps of a third of the height: the two segments that a split of Matplotlib's drops would leave columns white.
+        line = draw_long_line(ax, x, np.floor(30 * x) % 3, "black")
+        ax.axis("off")
+        ax.set(xlim=(0, 1), ylim=(-0.5, 2.5))
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        dark = (np.asarray(canvas.buffer_rgba())[:, :, 0] < 250).any(axis=0)
+    assert line.get_rasterized() in (None, samples > 20_000)
+    assert dark.all()

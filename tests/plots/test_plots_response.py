@@ -7,6 +7,7 @@ import numpy as np
 import plot_results as made
 import pytest
 import xarray as xr
+from plot_results import passage, probability
 from scenes import read, scene_text
 
 from gearstab.errors import PlotError
@@ -210,3 +211,101 @@ def test_sidebands_are_numbered_by_the_order_of_their_shaft(tmp_path: Path, own:
             assert x == pytest.approx(order * shaft, rel=1e-9)
             assert y == pytest.approx(float(amplitude.sel(frequency=x, method="nearest")), rel=1e-9)
         plt.close(figure)
+
+
+# --- the figure of a gear pair's response: what is drawn, and from what
+
+
+def test_a_response_of_a_pair_is_drawn_by_default() -> None:
+    assert default_kind(made.pair(), Request()) == "pair"
+    assert default_kind(made.pair(), Request(variable="phi")) == "response"
+    assert default_kind(made.response(), Request()) == "response"
+
+
+def test_the_deflection_is_that_of_the_last_cycles() -> None:
+    tree = made.pair()
+    figure, artists = draw(tree, "pair")
+    time, phi = artists["deflection"].get_data()
+    np.testing.assert_allclose([time[0], time[-1]], [4.0, 10.0])
+    np.testing.assert_array_equal(phi, tree["response"]["phi"].values[800:])
+    assert len(figure.axes) == 3
+
+
+def test_bands_show_where_two_pairs_are_in_contact() -> None:
+    _, artists = draw(made.pair(), "pair")
+    spans = sorted((p.vertices[:, 0].min(), p.vertices[:, 0].max()) for p in artists["bands"].get_paths())
+    # From sample to sample, 5 ms apart.
+    np.testing.assert_allclose(spans, [(c + 0.5, c + 1.0) for c in range(4, 10)], atol=0.006)
+
+
+def test_the_spectrum_ends_at_eight_times_the_natural_frequency() -> None:
+    figure, artists = draw(made.pair(), "pair")
+    assert figure.axes[2].get_xlim() == (0.0, 8.0)
+    assert figure.axes[2].get_yscale() == "log"
+    np.testing.assert_allclose(artists["density"].get_xdata()[-1], 12.0)
+
+
+def test_a_short_response_has_no_spectrum() -> None:
+    figure, artists = draw(made.pair(spectrum=False), "pair")
+    assert artists["density"] is None
+    assert len(figure.axes) == 2
+
+
+def test_a_constant_energy_is_not_blown_up() -> None:
+    figure, _ = draw(made.pair(energy_loss=1e-16), "pair")
+    low, high = figure.axes[1].get_ylim()
+    assert high - low > 0.1
+
+
+def test_two_columns_stand_side_by_side() -> None:
+    figure, _ = draw(made.pair(), "pair", size="double")
+    assert figure.get_figwidth() > 2 * figure.get_figheight()
+
+
+def test_what_the_figure_cannot_show_is_said() -> None:
+    with pytest.raises(PlotError, match="no response of a gear pair"):
+        draw(made.response(), "pair")
+    with pytest.raises(PlotError, match="fixed panels"):
+        draw(made.pair(), "pair", variable="phi")
+
+
+# --- e-folds over the rate
+
+
+def test_curves_are_those_of_the_result():
+    found = passage()
+    assert default_kind(found, Request()) == "passage"
+    figure, artists = draw(found, dpi=50)
+    data = found["passage"].to_dataset()
+    for name, key in (("growth_exact", "exact"), ("growth", "adiabatic")):
+        lines = artists[key]
+        # Upwards a line, downwards a mark, for each of three damping ratios.
+        assert len(lines) == 6
+        for k, ratio in enumerate(data["damping_ratio"].values):
+            values = data[name].sel(damping_ratio=ratio).values
+            assert np.array_equal(lines[2 * k].get_xdata(), [0.1, 1.0, 10.0])
+            assert np.array_equal(lines[2 * k].get_ydata(), values[1:])
+            assert np.array_equal(lines[2 * k + 1].get_xdata(), [0.1])
+            assert np.array_equal(lines[2 * k + 1].get_ydata(), values[:1])
+    assert artists["admitted"].get_ydata()[0] == np.log(10.0)
+    words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert "exactly" in words
+    assert "downwards, by growth rates" in words
+
+
+def test_rates_are_in_the_unit_of_the_speed_and_nothing_is_drawn_where_nothing_grows():
+    found = passage()
+    found["passage"] = found["passage"].to_dataset().assign(growth_exact=lambda data: 0 * data["growth_exact"])
+    typed = {"units": "rad/s", "display_units": "rpm", "display_scale": 2 * np.pi / 60}
+    found.dataset = found.to_dataset().assign_coords(input_speed=("input_speed", [1.0, 2.0], typed))
+    figure, artists = draw(found, dpi=50)
+    assert "(rpm/s)" in figure.axes[0].get_xlabel()
+    assert artists["adiabatic"][0].get_xdata() == pytest.approx(np.array([0.1, 1.0, 10.0]) * 60 / (2 * np.pi))
+    assert np.isnan(artists["exact"][0].get_ydata()).all()
+
+
+def test_one_case_and_other_results():
+    _, artists = draw(passage((0.1, 1.0)), "passage", select={"damping_ratio": "0.01"}, dpi=50)
+    assert len(artists["exact"]) == 1
+    with pytest.raises(PlotError, match=r"methods\.passage was not run"):
+        draw(probability(), "passage")

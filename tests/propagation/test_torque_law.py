@@ -1,5 +1,6 @@
 """Torques that depend on the speed, against a numerical integration of the law itself."""
 
+from dataclasses import replace
 from math import cos, pi, radians, tau
 
 import numpy as np
@@ -7,6 +8,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gearstab
+from gearstab.mesh import Mesh
+from gearstab.propagation.control import StepControl
+from gearstab.propagation.elastic import elastic_forms
+from gearstab.propagation.first_order import bases
+from gearstab.system import GearSystem
+from gearstab.waveforms import Rectangular
 
 RPM = pi / 30
 SPEED = 3000 * RPM
@@ -146,3 +153,122 @@ def test_sweeps_over_the_input_speed_take_torque_and_slope_there():
         np.testing.assert_allclose(found[group][name].values, expected, rtol=1e-9)
     means = found["response"]["mesh_force_mean"].values[:, 0]
     assert means[1] / means[0] == pytest.approx((3 / 2) ** 2, rel=1e-6)
+
+
+# --- the number of steps that points get, with errors that follow a law: c 2^(-p k) after k doublings, above rounding
+
+
+ORDER = 6
+LAST = 12
+
+
+def reached(size: np.ndarray, tolerance: float, rounding: float = 0.0) -> tuple[np.ndarray, np.ndarray, int]:
+    """Levels that points end at, their errors there, and how many of them were computed in all."""
+    error, computed = np.full(size.shape, np.nan), 0
+    level = np.zeros(size.shape, dtype=int)
+    control = StepControl(level, LAST, tolerance, ORDER)
+    for current, chosen in control:
+        error[chosen] = size[chosen] * 2.0 ** (-ORDER * current) + rounding
+        computed += int(chosen.sum())
+        control.judge(error[chosen], rounding)
+    return level, error, computed
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+def test_every_point_reaches_the_tolerance_with_at_most_one_doubling_too_many(tolerance: float) -> None:
+    size = np.geomspace(1e-12, 1e2, 200).reshape(4, 50)
+    level, error, computed = reached(size, tolerance)
+    assert np.all(error <= tolerance)
+    enough = np.maximum(np.ceil(np.log2(size / tolerance) / ORDER), 0)
+    assert np.all((level == enough) | (level == enough + 1))
+    # One doubling after the other would take a look at each level below.
+    assert computed < np.sum(1 + enough) or enough.max() <= 2
+
+
+def test_more_steps_are_not_tried_against_rounding() -> None:
+    level, error, _ = reached(np.geomspace(1e-2, 1e2, 50), 1e-9, rounding=1e-7)
+    assert np.all(error <= 2e-7)
+    assert level.max() <= 6
+
+
+@pytest.mark.parametrize(("error", "levels"), [(np.inf, list(range(LAST + 1))), (np.nan, [0])])
+def test_results_beyond_doubles_take_twice_the_steps_until_the_last_and_none_where_nothing_is_known(
+    error: float, levels: list[int]
+) -> None:
+    control, seen = StepControl(np.zeros(1, dtype=int), LAST, 1e-9, ORDER), []
+    for level, _ in control:
+        seen.append(level)
+        control.judge(error)
+    assert seen == levels
+
+
+# --- the first-order form against the equations of motion in physical coordinates, and how a batch is flattened
+
+
+MASS, SPRINGS = np.diag([1.0, 0.3, 4.0]), np.diag([0.5, 0.0, 0.0])
+FIRST, SECOND = np.array([1.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.0])
+LEVELS = np.array([1.3, 0.6])
+
+
+def sprung(mean_stiffness: np.ndarray | float = 1.0, grounded: bool = True, damping: float = 0.02) -> GearSystem:
+    meshes = (
+        Mesh("first", FIRST, np.asarray(mean_stiffness), np.asarray(0.3), Rectangular(1.5)),
+        Mesh("second", SECOND, np.asarray(0.8), np.asarray(0.3), Rectangular(1.4)),
+    )
+    drag = damping * (np.outer(FIRST, FIRST) + 2 * np.outer(SECOND, SECOND))
+    return GearSystem(MASS, SPRINGS if grounded else 0 * SPRINGS, meshes, drag)
+
+
+def physical(system: GearSystem) -> np.ndarray:
+    """A of (q, q') with the mesh stiffnesses LEVELS."""
+    stiffness = system.stiffness_matrix(list(LEVELS))
+    below = -np.linalg.solve(system.mass, np.hstack([stiffness, system.damping]))
+    return np.vstack([np.eye(3, 6, 3), below])
+
+
+@pytest.mark.parametrize("grounded", [True, False])
+def test_all_modes_move_as_the_physical_coordinates_do(grounded: bool) -> None:
+    system = sprung(grounded=grounded)
+    (basis,) = bases(system, whole=True)
+    rate = basis.generator(LEVELS[None])[0] * basis.rate[0]
+    x = np.random.default_rng(1).standard_normal(basis.size)
+    state = np.concatenate([basis.outlet[0] @ x, basis.speed[0] @ x])
+    expected = physical(system) @ state
+    found = np.concatenate([basis.outlet[0] @ rate @ x, basis.speed[0] @ rate @ x])
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("grounded", [True, False])
+def test_forms_of_stability_and_response_have_the_exponents_of_the_elastic_motion(grounded: bool) -> None:
+    """Without its rigid-body motion, whose exponents are two zeros; natural frequencies weight only one of the two."""
+    system = sprung(grounded=grounded)
+    (basis,), (elastic_form,) = bases(system), elastic_forms(system)
+    expected = np.sort_complex(np.linalg.eigvals(physical(system)))
+    elastic = expected[np.abs(expected) > 1e-6]
+    assert len(elastic) == basis.size == elastic_form.size == (6 if grounded else 4)
+    for matrix, rate in (
+        (basis.generator(LEVELS[None])[0], basis.rate[0]),
+        (elastic_form.generators(LEVELS), elastic_form.rate),
+    ):
+        np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(matrix) * rate), elastic, atol=1e-13)
+
+
+def test_an_undamped_rigid_body_mode_stays_out_and_a_damped_one_has_its_velocity() -> None:
+    loose = sprung(grounded=False)
+    (basis,) = bases(loose)
+    assert basis.undamped_rigid.shape == (1, 3, 1)
+    held = replace(loose, damping=loose.damping + np.diag([0.1, 0.0, 0.0]))
+    (basis,) = bases(held)
+    assert basis.undamped_rigid.shape == (1, 3, 0)
+    assert basis.size == 5
+
+
+def test_a_batch_is_flattened_row_by_row() -> None:
+    system = sprung(np.arange(1.0, 7.0).reshape(2, 3))
+    assert (sprung().rows, system.rows) == (1, 6)
+    np.testing.assert_array_equal(system.flat(system.meshes[0].mean_stiffness), np.arange(1.0, 7.0))
+    np.testing.assert_array_equal(system.flat(np.array([[1.0], [2.0]])), [1, 1, 1, 2, 2, 2])
+    assert system.flat(MASS, 2).shape == (6, 3, 3)
+    assert system.operating_points(np.array([1.0, 2.0])).shape == (6, 2)
+    points = np.arange(12.0).reshape(6, 2)
+    np.testing.assert_array_equal(system.operating_points(points), points)

@@ -77,13 +77,32 @@ def result_of(folder: Path, text: str | bytes, method: str, jobs: int = 1) -> xr
     """Sweep a configuration and read what one of its methods found."""
     out = folder / "case.h5"
     run(plan(read(folder, text)), out, jobs=jobs, overwrite=True)
-    with open_result(out) as tree:
-        return tree[method].to_dataset().load()
+    return opened(out)[method].to_dataset()
 
 
 def ran(*words: object) -> Result:
     """The end of a command line, whatever it is."""
     return CliRunner().invoke(group, [str(word) for word in words])
+
+
+def succeeds(*words: object) -> Result:
+    """The end of a command line, which must be a good one."""
+    done = ran(*words)
+    assert done.exit_code == 0, done.output
+    return done
+
+
+def refused(*words: object) -> str:
+    """The one line that a command says of a mistake of its user, and nothing else."""
+    done = ran(*words)
+    assert (done.exit_code, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.output
+    return done.stderr
+
+
+def opened(path: Path | str) -> xr.DataTree:
+    """A whole result in memory."""
+    with open_result(path) as tree:
+        return tree.load()
 
 
 def code(*words: str) -> int:

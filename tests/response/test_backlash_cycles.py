@@ -10,7 +10,7 @@ import pytest
 import systems
 from click.testing import CliRunner
 from driven import integrated_with_backlash
-from scenes import ROOT, ran, scene_text
+from scenes import ROOT, ran, scene_text, succeeds
 
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
@@ -153,8 +153,7 @@ def test_sweeps_follow_every_system_by_itself(tmp_path: Path) -> None:
         "methods.response.discard": "40",
     }
     options = [part for path, value in changes.items() for part in ("--set", f"{path}={value}")]
-    done = ran("sweep", source, "-o", out, *options)
-    assert done.exit_code == 0, done.output
+    succeeds("sweep", source, "-o", out, *options)
     with open_result(out) as tree:
         found = tree["response"].to_dataset()
         span = found["transmission_error_peak_to_peak"].transpose("damping_ratio", "mesh_frequency", "mesh").values
@@ -175,8 +174,7 @@ def test_backlash_as_an_axis(tmp_path: Path) -> None:
         "methods.response={cycles: 120, discard: 80}",
     ]
     options = [part for change in changes for part in ("--set", change)]
-    done = ran("sweep", source, "-o", out, *options)
-    assert done.exit_code == 0, done.output
+    succeeds("sweep", source, "-o", out, *options)
     with open_result(out) as tree:
         span = tree["response"]["transmission_error_peak_to_peak"].values.ravel()
         expected = settled(pair(), 2.0, 1.6).cycle
@@ -188,8 +186,7 @@ def test_backlash_as_an_axis(tmp_path: Path) -> None:
 
 def test_the_file_holds_events_and_the_limit_cycle(tmp_path: Path) -> None:
     out = tmp_path / "out.h5"
-    done = ran("respond", CONFIG, "-o", out, "--set", "respond.cycles=140")
-    assert done.exit_code == 0, done.output
+    done = succeeds("respond", CONFIG, "-o", out, "--set", "respond.cycles=140")
     assert "settled: period 2" in done.stderr
     expected = settled(pair(), 2.0, 1.6, 140)
     assert expected.cycle is not None
@@ -232,8 +229,7 @@ def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.
 
 def test_the_figure_shows_the_orbit_and_where_it_is_once_a_period(tmp_path: Path) -> None:
     out = tmp_path / "out.h5"
-    done = ran("respond", CONFIG, "-o", out, "--set", "respond.cycles=140")
-    assert done.exit_code == 0, done.output
+    succeeds("respond", CONFIG, "-o", out, "--set", "respond.cycles=140")
     with open_result(out) as tree:
         _, artists = draw(tree, "phase-plane")
         x, v = (tree["response"][name].values[:, 0] for name in ("mesh_deflection", "mesh_velocity"))

@@ -5,7 +5,7 @@ from math import tau
 from pathlib import Path
 
 import pytest
-from scenes import ROOT, ran, scene_text
+from scenes import ROOT, scene_text, succeeds
 from systems import train
 
 from gearstab.config import load
@@ -65,8 +65,7 @@ def test_it_is_said_where_it_is_long(folder: Path, monkeypatch: pytest.MonkeyPat
     path, option = SHORT[name]
     for limit, quiet, told in ((20.0, [], False), (1e-9, [], True), (1e-9, ["-q"], False)):
         monkeypatch.setattr(effort, "LONG", limit)
-        done = ran("respond", path, "--set", option, "-o", "out.h5", *quiet)
-        assert done.exit_code == 0, done.output
+        done = succeeds("respond", path, "--set", option, "-o", "out.h5", *quiet)
         assert ("note: this takes some " in done.stderr) is told
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,17 +10,21 @@ import pytest
 from driven import CASES, force_peaks, pair, train, with_waves
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import ROOT, plain, ran, scene_text
+from scenes import ROOT, plain, ran, scene_text, written
 
+import gearstab as gs
 from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.modal import static_mesh_force
+from gearstab.propagation import bundles
 from gearstab.propagation.excitation import excitation
+from gearstab.propagation.segment import States
 from gearstab.response import harmonics, steady_state
 from gearstab.response.panels import NODES, extremes
 from gearstab.response.speeds import SpeedResponse, speed_response
 from gearstab.response.steady import STATUS_FLAGS
 from gearstab.results import open_result
+from gearstab.system import Array
 from gearstab.systems import build
 from gearstab.waveforms import Trapezoidal
 
@@ -203,8 +207,7 @@ def run(path: Path, *arguments: str) -> object:
 
 
 def test_a_sweep_writes_the_responses_over_its_axes(tmp_path: Path) -> None:
-    path, out = tmp_path / "run.yaml", tmp_path / "run.h5"
-    path.write_text(CONFIG)
+    path, out = written(tmp_path, CONFIG, "run.yaml"), tmp_path / "run.h5"
     done = run(path, "-o", str(out), "-q", "-j", "1")
     assert done.exit_code == 0, done.output
     with open_result(out) as tree:
@@ -256,3 +259,57 @@ def test_a_dimensionless_planetary_gear_feels_the_same() -> None:
     np.testing.assert_allclose(scaled.mesh_force_peak, plain.mesh_force_peak / 1e8, rtol=1e-8)
     np.testing.assert_allclose(scaled.transmission_error_rms, plain.transmission_error_rms, rtol=1e-8)
     np.testing.assert_allclose(scaled.dynamic_load_factor, plain.dynamic_load_factor, rtol=1e-8)
+
+
+# --- intervals taken together give what they give one by one, for any number of rows, with either kernel
+
+
+TRAIN = {
+    "kind": "two_stage", "units": "none", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 0.5,
+    "damping_ratio": 0.05, "load": [0.0, 0.0, 1.0], "tooth_ratio": "7/11",
+    "meshes": [
+        {"name": "first", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5,
+         "transmission_error": {"sin": [0.1, 0.02], "cos": [0.0, 0.05]}},
+        {"name": "second", "mean_stiffness": 1.0, "epsilon": 0.2, "contact_ratio": 1.6, "phasing": 0.25},
+    ],
+}  # fmt: skip
+OMEGA = np.array([0.7, 1.9, 2.0, 5.0])
+TOGETHER = 1e-11
+"""Difference of sums over the same period in another order."""
+
+
+def _close(one: Array, other: Array) -> None:
+    np.testing.assert_allclose(one, other, rtol=TOGETHER, atol=TOGETHER * np.nanmax(np.abs(other)))
+
+
+def _one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(States, "eigen", None)
+
+
+@pytest.mark.parametrize("entries", [1, 500, 10**6])
+def test_intervals_together_are_those_one_by_one(monkeypatch: pytest.MonkeyPatch, entries: int) -> None:
+    system = gs.build({"system": TRAIN}, epsilon=np.array([0.1, 0.2, 0.3]))
+    monkeypatch.setattr(bundles, "ENTRIES", entries)
+    together = speed_response(system, OMEGA, samples_per_cycle=30)
+    _one_by_one(monkeypatch)
+    alone = speed_response(system, OMEGA, samples_per_cycle=30)
+    assert np.isfinite(together.mesh_force_peak).all()
+    for name in (field.name for field in fields(alone) if field.name != "connections"):
+        _close(getattr(together, name), getattr(alone, name))
+
+
+def test_harmonics_of_intervals_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = gs.build({"system": TRAIN})
+    together = harmonics(system, 1.9, order=30)
+    _one_by_one(monkeypatch)
+    alone = harmonics(system, 1.9, order=30)
+    _close(together.mesh_force, alone.mesh_force)
+    _close(together.mesh_deflection, alone.mesh_deflection)
+
+
+def test_states_without_eigenvectors_are_taken_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eigenvectors of critical damping are parallel."""
+    system = gs.build({"system": TRAIN})
+    expected = speed_response(system, OMEGA)
+    monkeypatch.setattr(States, "each", property(lambda states: [None] * len(states.generators)))
+    _close(speed_response(system, OMEGA).mesh_force_rms, expected.mesh_force_rms)

@@ -14,7 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from scenes import TRAIN, code
+from scenes import TRAIN, code, opened
 
 from gearstab.cli import main
 from gearstab.results import ResultError, open_result
@@ -129,8 +129,7 @@ def test_a_damaged_result_is_not_complete(folder: Path, capsys: pytest.CaptureFi
     """One inverted byte, a group or a variable taken away: the sweep is computed again, to the same data."""
     path = folder / "sweep.h5"
     data = path.read_bytes()
-    with open_result(path) as tree:
-        expected = tree["floquet"]["growth_rate"].values
+    expected = opened(path)["floquet"]["growth_rate"].values
 
     def flip() -> None:
         place = len(data) // 2

@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from scenes import ROOT, code, until
+from scenes import ROOT, code, until, written
 from sweep_faults import CONFIG, FOLDER, faulty
 
 from gearstab.sweep import Interrupted, Reporter, SweepError, run
@@ -125,8 +125,7 @@ def test_a_worker_that_is_killed_costs_nothing(cluster: Cluster) -> None:
 
 
 def test_workers_are_sent_what_an_earlier_result_has(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
-    config = cluster.folder / "train.yaml"
-    config.write_text(CONFIG.replace("1.0, 2.0, 3.0, 4.0, 5.0", "3.0, 5.0"))
+    config = written(cluster.folder, CONFIG.replace("1.0, 2.0, 3.0, 4.0, 5.0", "3.0, 5.0"), "train.yaml")
     old = cluster.run("old.h5")
     (cluster.folder / "log").unlink()
     config.write_text(CONFIG)

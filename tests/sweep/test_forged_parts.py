@@ -15,7 +15,7 @@ from itertools import cycle
 from pathlib import Path
 
 import pytest
-from scenes import TRAIN, SweepFolder, Told, data_of
+from scenes import TRAIN, SweepFolder, Told, data_of, written
 
 from gearstab.config import load
 from gearstab.results import OutputError
@@ -74,8 +74,7 @@ class Scene(SweepFolder):
 def prepared(folder: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> Scene:
     """A sweep in small blocks whose result did not fit on the disk."""
     system, axes, methods = SWEEPS[name]
-    path = folder / "train.yaml"
-    path.write_text(f"{system}sweep: {{{axes}}}\nmethods: {{{methods}}}\n")
+    path = written(folder, f"{system}sweep: {{{axes}}}\nmethods: {{{methods}}}\n", "train.yaml")
     monkeypatch.setattr(sys.modules["gearstab.sweep.plan"], "MOST", 1 << 7)
     monkeypatch.setattr(store, "MOST_SECONDS", 0.0)
     scene = Scene(folder, plan(load(path)))

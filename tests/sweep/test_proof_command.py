@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import ran, scene_text
+from scenes import opened, scene_text, succeeds, written
 from test_sweep import divided
 
 from gearstab.cli.messages import percent, searched
@@ -15,7 +15,6 @@ from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries.damped import search
 from gearstab.plots import draw
-from gearstab.results import open_result
 from gearstab.sweep import plan, run
 from gearstab.sweep.storage import store
 from gearstab.sweep.storage.merge import RegionSearches
@@ -34,14 +33,12 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def swept(config: Path) -> tuple[Path, str]:
     """(result file, what the command said)."""
     out = config.with_suffix(".h5")
-    said = ran("sweep", config, "-o", out, "-j", "1")
-    assert said.exit_code == 0, said.output
+    said = succeeds("sweep", config, "-o", out, "-j", "1")
     return out, said.output
 
 
 def loaded(path: Path) -> xr.DataTree:
-    with open_result(path) as tree:
-        return tree.load()
+    return opened(path)
 
 
 def test_the_last_line_says_what_is_proved(swept: tuple[Path, str]) -> None:
@@ -95,8 +92,7 @@ def test_parts_written_to_disk_are_counted_too(config: Path, tmp_path: Path, mon
 def test_without_damping_nothing_is_proved_and_the_command_says_no_word(config: Path, tmp_path: Path) -> None:
     out = tmp_path / "free.h5"
     arguments = ["sweep", str(config), "-o", str(out), "-j", "1", "--set", "system.damping_ratio=0"]
-    said = ran(*arguments, "--set", "sweep.epsilon=[0.1, 0.2]")
-    assert said.exit_code == 0, said.output
+    said = succeeds(*arguments, "--set", "sweep.epsilon=[0.1, 0.2]")
     assert "proved" not in said.output
     data = loaded(out)["boundaries"].to_dataset()
     assert (data["proved_share"] == 0).all()
@@ -129,12 +125,10 @@ LIGHT = scene_text("proof_command_light")
 def test_searches_by_samples_say_their_step_and_how_many_were_coarse(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    config, out = tmp_path / "light.yaml", tmp_path / "light.h5"
-    config.write_text(LIGHT)
+    config, out = written(tmp_path, LIGHT, "light.yaml"), tmp_path / "light.h5"
 
     def told() -> tuple[xr.DataTree, dict[str, str]]:
-        said = ran("sweep", config, "-o", out, "-j", "1", "--overwrite")
-        assert said.exit_code == 0, said.output
+        said = succeeds("sweep", config, "-o", out, "-j", "1", "--overwrite")
         lines = [line for line in said.output.splitlines() if "sampled where" in line]
         return loaded(out), dict(zip(("boundaries", "tongue_probability"), lines, strict=True))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from time import monotonic, sleep
 
 import pytest
-from scenes import TRAIN, data_of, heed
+from scenes import TRAIN, data_of, heed, written
 
 from gearstab.config import load
 from gearstab.methods import METHODS as METHODS_OF_SWEEPS
@@ -127,8 +127,7 @@ def test_all_methods_are_ended() -> None:
 def test_ended_at_random_moments(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, whole: Whole, name: str, seed: int
 ) -> None:
-    config, out = tmp_path / "train.yaml", tmp_path / "out.h5"
-    config.write_text(text_of(name))
+    config, out = written(tmp_path, text_of(name), "train.yaml"), tmp_path / "out.h5"
     if name not in whole:
         monkeypatch.setattr(sys.modules["gearstab.sweep.plan"], "MOST", SMALL)
         assert plan(load(config)).blocks >= FEWEST
@@ -162,8 +161,7 @@ def test_ended_at_random_moments(
 @pytest.mark.parametrize("number", SIGNALS)
 def test_workers_of_its_own_end_with_a_sweep(tmp_path: Path, number: int) -> None:
     pytest.importorskip("distributed")
-    config, out = tmp_path / "train.yaml", tmp_path / "out.h5"
-    config.write_text(text_of("boundaries"))
+    config, out = written(tmp_path, text_of("boundaries"), "train.yaml"), tmp_path / "out.h5"
     begun = monotonic()
     _, said = (process := start(config, out, 2, "--scheduler", "local")).communicate(timeout=300)
     assert process.returncode == 0, said

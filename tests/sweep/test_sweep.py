@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scenes import TRAIN, plain, scene_text
+from scenes import TRAIN, opened, plain, scene_text, written
 
 from gearstab.config import Assignment, Axis, load
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.perturbation import first_order
-from gearstab.results import open_result
 from gearstab.sweep import Plan, plan, run
 from gearstab.sweep.plan import chunk_shape
 from gearstab.systems import build
@@ -27,8 +26,7 @@ def make(tmp_path: Path) -> Make:
     """A plan from the text of ``sweep`` and ``methods``; ``wanted``: points of a block."""
 
     def from_text(text: str, *overrides: str) -> Plan:
-        path = tmp_path / "train.yaml"
-        path.write_text(TRAIN + text)
+        path = written(tmp_path, TRAIN + text, "train.yaml")
         return plan(load(path, overrides))
 
     return from_text
@@ -45,8 +43,7 @@ def divided(whole: Plan, points: int) -> Plan:
 
 def computed(planned: Plan, folder: Path, name: str = "r") -> xr.DataTree:
     run(planned, folder / f"{name}.h5", jobs=1)
-    with open_result(folder / f"{name}.h5") as tree:
-        return tree.load()
+    return opened(folder / f"{name}.h5")
 
 
 CASES = scene_text("sweep_cases")
@@ -231,8 +228,7 @@ def test_boundaries_over_the_whole_range_of_an_axis(make: Make, tmp_path: Path, 
 
 def test_a_result_says_where_it_comes_from(cases: tuple[Plan, xr.DataTree], tmp_path: Path) -> None:
     planned, tree = cases
-    again = tmp_path / "again.yaml"
-    again.write_text(tree.attrs["config"])
+    again = written(tmp_path, tree.attrs["config"], "again.yaml")
     assert load(again).digest == planned.config.digest == tree.attrs["config_digest"]
     assert tree.attrs["kernel"] == "c"
     assert tree.attrs["Conventions"] == "CF-1.11"

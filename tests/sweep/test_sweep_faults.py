@@ -14,7 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from scenes import ROOT, SweepFolder, until
+from scenes import ROOT, SweepFolder, until, written
 from sweep_faults import CONFIG, FOLDER, faulty, value
 
 from gearstab.results import OutputError, open_result
@@ -464,8 +464,7 @@ def test_what_is_something_else_is_not_overwritten(scene: Scene) -> None:
     scene.out.unlink()
     scene.run()
     before = scene.out.read_bytes()
-    other = scene.folder / "other.yaml"
-    other.write_text(CONFIG.replace("epsilon: 0.3", "epsilon: 0.2"))
+    other = written(scene.folder, CONFIG.replace("epsilon: 0.3", "epsilon: 0.2"), "other.yaml")
     with pytest.raises(OutputError, match=r"another configuration, train\.yaml"):
         run(faulty(other), scene.out)
     assert scene.out.read_bytes() == before

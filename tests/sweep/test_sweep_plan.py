@@ -1,5 +1,7 @@
 """The division of a grid: every point in one block, blocks of a useful size, the same on every machine."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from math import ceil, prod
 
@@ -7,13 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import CONFIGS
+from scenes import CONFIGS, opened, scene_text, succeeds
 
 from gearstab.config import load
 from gearstab.errors import UserError
 from gearstab.sweep import plan
+from gearstab.sweep import progress as room
 from gearstab.sweep.layout import Layout
 from gearstab.sweep.plan import FEW, LONGEST, MOST, chunk_shape, shared_points
+from gearstab.sweep.progress import Bar
 
 FIG3 = CONFIGS / "lin_parker_2002" / "fig3.yaml"
 FLOQUET = next(layout.method for layout in plan(load(FIG3)).layouts if layout.method.name == "floquet")
@@ -109,3 +113,86 @@ def test_an_unknown_kernel_is_the_users_mistake(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("GEARSTAB_KERNEL", "fortran")
     with pytest.raises(UserError, match="fortran"):
         plan(load(FIG3))
+
+
+# --- the bar of a sweep: it moves before the first block is done, and then says how far the sweep is
+
+
+class Clock:
+    now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+def test_the_bar_goes_on_within_a_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the speed of the forecast, then with that so far; what is not done is never said to be."""
+    clock = Clock()
+    monkeypatch.setattr(room, "time", clock)
+    bar = Bar(lambda text: None)
+    bar.begin("boundaries", 100, 20, 40.0, 10)
+    assert bar._progress is not None
+    (task,) = bar._progress.tasks
+    try:
+        seen = []
+        for clock.now in (0.0, 1.0, 3.0, 50.0):
+            list(bar._progress.get_renderables())
+            seen.append(task.completed)
+        # 2 points a second, of which 10 come together.
+        assert seen[0] == 20
+        assert 21.5 < seen[1] < 22
+        assert seen[1] < seen[2] < seen[3] < 30
+        bar.advance(10, 0, 0)
+        assert task.completed == 30
+    finally:
+        bar.end()
+
+
+def test_the_bar_moves_before_the_first_block_is_done() -> None:
+    bar = Bar(lambda text: None)
+    bar.begin("floquet", 100, 0, None, 25)
+    bar.advance(0, 0, 0)
+    assert bar._progress is not None
+    (task,) = bar._progress.tasks
+    try:
+        # Without a total rich lets the bar run to and fro.
+        assert task.total is None
+        assert bar._progress.columns[1].render(task).total is None
+        bar.advance(25, 5, 0)
+        assert (task.total, task.completed) == (100, 25)
+        bar.begin("boundaries", 10, 4, None, 1)
+        assert bar._progress.tasks[1].percentage == 40
+    finally:
+        bar.end()
+
+
+# --- cases and ties that set the mesh frequency: points of operation instead of a grid
+
+
+SYSTEM = scene_text("operating_points")
+METHODS = "methods: {floquet: {}}\n"
+
+
+def growth(folder, sweep, methods=METHODS):
+    (folder / "points.yaml").write_text(SYSTEM + f"sweep:\n  {sweep}\n" + methods)
+    target = folder / "points.h5"
+    arguments = ["sweep", str(folder / "points.yaml"), "-o", str(target), "--overwrite", "-q"]
+    succeeds(*arguments)
+    return opened(target)["floquet"].to_dataset()
+
+
+def test_points_agree_with_the_grid(tmp_path):
+    cases = "[{label: A, mesh_frequency: 4.2, phasing: 0}, {label: B, mesh_frequency: 4.2, phasing: 0.4}]"
+    points = growth(tmp_path, f"case: {cases}\n  damping_ratio: [0, 0.01]")
+    assert points["growth_rate"].dims == ("case", "damping_ratio")
+    np.testing.assert_array_equal(points["mesh_frequency"], [4.2, 4.2])
+    grid = growth(tmp_path, "phasing: [0, 0.4]\n  mesh_frequency: [2.0, 4.2]\n  damping_ratio: [0, 0.01]")
+    # Stacks of another shape, whose products may be summed in another order.
+    same = grid["growth_rate"].sel(mesh_frequency=4.2)
+    np.testing.assert_allclose(points["growth_rate"], same, rtol=1e-12, atol=1e-13)
+
+
+def test_tied_to_another_parameter(tmp_path):
+    both = growth(tmp_path, "run: {targets: [mesh_frequency, phasing], values: [[2.0, 4.2, 5.0], [0.0, 0.0, 0.4]]}")
+    grid = growth(tmp_path, "phasing: [0, 0.4]\n  mesh_frequency: [2.0, 4.2, 5.0]")["growth_rate"]
+    np.testing.assert_allclose(both["growth_rate"], [grid[0, 0], grid[0, 1], grid[1, 2]], rtol=1e-12, atol=1e-13)

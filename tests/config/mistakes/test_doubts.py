@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from scenes import CONFIGURATIONS, DATA, ran, scene_text, written
+from scenes import CONFIGURATIONS, DATA, ran, scene_text, succeeds, written
 
 from gearstab.config import load
 
@@ -76,8 +76,7 @@ def test_commands_say_it_on_standard_error(tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     Path("scene.yaml").write_text(PAIR.replace("80 um", "80"))
     name, *rest = command
-    done = ran(name, "scene.yaml", *rest)
-    assert done.exit_code == 0, done.output
+    done = succeeds(name, "scene.yaml", *rest)
     said = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
     (line,) = [line for line in said if "backlash" in line and "scene.yaml:6: " in line]
     assert '"80 um"' in line
@@ -98,10 +97,8 @@ EQUAL = [
 @pytest.mark.parametrize("override", EQUAL)
 def test_results_with_equal_values_on_an_axis_are_drawn(tmp_path, override, kind):
     """A figure or a line that says what it needs; no warning of matplotlib's, which would be an error here."""
-    path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
-    path.write_text(PAIR)
-    done = ran("sweep", path, "-o", out, "-j", "1", "--set", override)
-    assert done.exit_code == 0, done.output
+    path, out = written(tmp_path, PAIR, "scene.yaml"), tmp_path / "out.h5"
+    succeeds("sweep", path, "-o", out, "-j", "1", "--set", override)
     drawn = ran("plot", out, "-o", tmp_path / "a.png", *kind)
     assert drawn.exit_code in ((0, 2) if kind else (0,)), drawn.output
     assert drawn.exception is None or isinstance(drawn.exception, SystemExit)

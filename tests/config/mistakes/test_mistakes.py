@@ -1,13 +1,19 @@
 """A mistake in a configuration is told at its place, with its code and what to do; tables in tests/data/config/."""
 
+from __future__ import annotations
+
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
-from scenes import CONFIGS, DATA, read, scene_text, written
+from ruamel.yaml import YAML
+from scenes import CONFIGS, DATA, ran, read, scene_text, written
 
-from gearstab.config import Config, ConfigError
+from gearstab.config import Config, ConfigError, load
+from gearstab.config.model.values import LARGEST_NUMBER, LARGEST_RATIO, SMALLEST_NUMBER
 from gearstab.config.sections.methods import check_options
 
 TABLES = sorted((DATA / "config" / "mistakes").glob("*.toml"))
@@ -61,3 +67,108 @@ def test_a_mistake_is_told(tmp_path: Path, scene: dict[str, Any], case: dict[str
     assert lines.count("\n") == len(expected) - 1
     assert all(problem.hint for problem in found)
     assert [words for words in case.get("says", []) if words not in lines] == []
+
+
+# --- numbers that no gear has are refused by ``check``; what passes can be computed
+
+
+TRAIN = scene_text("absurd_numbers_train")
+
+
+EXTREMES = [LARGEST_NUMBER, SMALLEST_NUMBER, 1e12, 1e-12, 0.0]
+RATIOS = [LARGEST_RATIO / 10, f"10/{LARGEST_RATIO}"]
+KEYS = ["inertias.0", "inertias.1", "input_shaft_stiffness", "meshes.0.mean_stiffness", "damping_ratio", "phasing"]
+KEYS += ["meshes.1.damping", "sweep.mesh_frequency.0", "sweep.mesh_frequency.1", "tooth_ratio"]
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_what_passes_can_be_computed(tmp_path, key):
+    """At the limits and between: numbers, or a line that says why there are none, and no warning of NumPy."""
+    scene, out = written(tmp_path, TRAIN, "scene.yaml"), tmp_path / "out.h5"
+    passed = []
+    for value in RATIOS if key == "tooth_ratio" else EXTREMES:
+        changes = ["--set", f"{key}={value}"]
+        checked = ran("check", scene, *changes)
+        assert checked.exit_code in (0, 2), value
+        swept = ran("sweep", scene, "-o", out, "--overwrite", "-j", "1", *changes)
+        assert swept.exit_code == checked.exit_code, (value, swept.output)
+        passed.append(checked.exit_code == 0)
+    assert any(passed)
+
+
+# --- ``gearstab check`` as a user runs it: exit codes, streams, one line for each mistake
+
+
+RUN = [sys.executable, "-W", "error", "-c", "import sys; from gearstab.cli import main; main(sys.argv[1:])", "check"]
+
+WRONG = scene_text("config_check_wrong")
+
+
+def test_a_valid_configuration() -> None:
+    path = CONFIGS / "gear_pair.yaml"
+    done = ran("check", path, "--set", "sweep.contact_ratio.num=3")
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert done.stdout == (
+        f"{path}: valid gear_pair; "
+        "damping_ratio (3) x contact_ratio (3) x mesh_frequency (500) = 4,500 points; "
+        "methods floquet, perturbation, boundaries\n"
+    )
+
+
+def test_mistakes(tmp_path: Path, root: Path) -> None:
+    path = written(tmp_path, WRONG, "wrong.yaml")
+    done = subprocess.run([*RUN, path, "--set", "tooth_ratio=0.6667"], cwd=root, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.splitlines() == [
+        f"{path}:3: system.inertias.1: must be > 0 (got -0.3); choose a value > 0",
+        f"{path}:8: system.meshes.1.contact_ration: unknown key; did you mean 'contact_ratio'?",
+        "--set tooth_ratio: system.tooth_ratio: is no short decimal, and the ratio must be exact (got 0.6667); "
+        'write a fraction such as "2/3"',
+    ]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(("name", "message"), [("none.yaml", "there is no such file"), (".", "is a folder")])
+def test_no_configuration(tmp_path: Path, name: str, message: str) -> None:
+    done = ran("check", tmp_path / name)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"{tmp_path / name}: {message}; ")
+    assert done.stderr.count("\n") == 1
+
+
+# --- a wrong value is told once, and nothing that depends on it; design variables need no base value
+
+
+GONE = object()
+
+
+def changed(name: str, *path: Any, to: Any = GONE) -> dict[str, Any]:
+    """Return one of the configurations with another value at a path, or without what is there."""
+    data: dict[str, Any] = YAML(typ="safe", pure=True).load(CONFIGS / name)
+    place: Any = data
+    for key in path[:-1]:
+        place = place[key]
+    if to is GONE:
+        del place[path[-1]]
+    else:
+        place[path[-1]] = to
+    return data
+
+
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [
+        ("design/planetary.yaml", ("teeth", "planet")),
+        ("design/countershaft.yaml", ("input_shaft_stiffness",)),
+        ("design/countershaft.yaml", ("meshes", 0, "contact_ratio")),
+    ],
+)
+@pytest.mark.parametrize("to", [GONE, None])
+def test_design_variables_need_no_base_value(name: str, path: tuple[Any, ...], to: Any) -> None:
+    config = load(changed(name, "system", *path, to=to))
+    value, variables = config.tree["system"], config.tree["design"]["variables"]
+    for key in path:
+        value = value[key]
+    spec = next(spec for key, spec in variables.items() if key.endswith(str(path[-1])))
+    limits = spec["integers"] if isinstance(spec, dict) else spec
+    assert limits[0] <= value <= limits[1]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import ROOT, ran, read
+from scenes import ROOT, read, succeeds
 from test_planetary_sets import alone, as_text, in_a_train
 
 from gearstab.config import load
@@ -274,4 +274,4 @@ def test_a_helical_reducer_with_signed_helix_angles_is_built() -> None:
     pairs = [train.teeth_of(k).pairs[0] for k in (0, 1)]
     first = 0.028 * np.sin(radians(23)) / (pi * 0.00175)
     assert [one.overlap_ratio for one in pairs] == pytest.approx([first, 0.04 * np.sin(BETA) / (pi * 0.0025)])
-    assert ran("check", CASES / "a1_helical.yaml").exit_code == 0
+    succeeds("check", CASES / "a1_helical.yaml")

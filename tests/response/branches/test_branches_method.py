@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from backlash_pairs import CASES, pair
-from scenes import ran, scene_text
+from scenes import opened, ran, scene_text, succeeds, written
 
 from gearstab import plots
 from gearstab.bench.costs import branch_cost
@@ -38,8 +38,7 @@ CONFIG = scene_text("branches_method_config")
 
 
 def configured(folder: Path, text: str) -> Path:
-    path = folder / "branches.yaml"
-    path.write_text(text)
+    path = written(folder, text, "branches.yaml")
     return path
 
 
@@ -56,8 +55,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def tree(swept: Path) -> xr.DataTree:
-    with open_result(swept) as found:
-        return found.load()
+    return opened(swept)
 
 
 def test_the_result_holds_the_branches_of_every_system(tree: xr.DataTree) -> None:
@@ -219,8 +217,7 @@ def test_branches_along_another_axis(tmp_path: Path) -> None:
     text = SYSTEM.replace("load: [0.5]", "load: [1.0]").replace("backlash: 2.0", "backlash: 4.0") + OVER
     out = tmp_path / "over.h5"
     run(plan(load(configured(tmp_path, text))), out, jobs=1)
-    with open_result(out) as stored:
-        found = stored.load()
+    found = opened(out)
     data = branches_of(found)
     assert data["branch_value"].dims == ("mesh_frequency", "branch", "point")
     folds = np.sort(data["branch_value"].values[data["event"].values == 1])
@@ -299,7 +296,7 @@ def test_motions_on_branches_are_counted_without_what_is_behind_their_ends(swept
 
 
 def test_complex_values_of_branches_are_compared(swept: Path, tmp_path: Path) -> None:
-    assert ran("diff", swept, swept).exit_code == 0
+    succeeds("diff", swept, swept)
     other = tmp_path / "other.h5"
     shutil.copy(swept, other)
     with h5py.File(other, "r+") as file:
