@@ -44,53 +44,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from flint import arb, arb_mat, ctx
 
-from gearstab.certificates.choices import coordinates
-from gearstab.certificates.polynomials import (
-    centre,
-    definite,
-    exact,
+from gearstab.certificates.balls import (
+    ROUNDING,
+    SPARE,
+    UP,
+    Array,
+    Ball,
     exponential,
-    identity,
-    moving,
-    near,
+    known,
+    plus,
+    positive,
     product,
-    pulled_back,
     size,
-)
+    total,
+)  # fmt: skip
+from gearstab.certificates.choices import coordinates
+from gearstab.certificates.equations import Enclosed, Flow
 
-Array = np.ndarray
-Key = tuple[int, float]
-
-PRECISION, DEGREE, GENTLE, COUNTED, CARRIED = 64, 4, 0.1, -1.0, -2.0
-"""Bits of midpoints; degree of Taylor polynomials, sum of |B| below which it is 2; rates of Theorems 3 and 4."""
-LONGEST, MOST, ENDLESS = 0.4, 16, 1000.0
-"""Sum of |B|, and number, beyond which a part ends: radii grow with each segment. Sum of |B| of too long a piece."""
-
-
-@dataclass(frozen=True)
-class Flow:
-    """A of each state; of each segment its state and f_s; cycles N; form Q, None where something is damped.
-
-    following: of each state (A_1, A_2) where matrices follow the speed: the generators are then A_0.
-    """
-
-    generators: Sequence[arb_mat]
-    states: Sequence[int]
-    fractions: Sequence[float]
-    cycles: float
-    form: arb_mat | None
-    following: Sequence[tuple[arb_mat, arb_mat]] = ()
-
-
-@dataclass(frozen=True)
-class Step:
-    """The flow of a segment, times exp(z slope) where there is a slope B; span: by how much it changes in a piece."""
-
-    flow: Sequence[arb_mat]
-    slope: arb_mat | None
-    span: arb
+DEGREE, COUNTED, CARRIED = 4, -1.0, -2.0
+"""Degree of polynomials; rates of Theorems 3 and 4."""
+LONGEST, MOST, ENDLESS, AT_ONCE = 1.2, 2**20, 1000.0, 2**22
+"""Sum of |B|, and number, beyond which a part ends: radii grow with each segment. Sum of |B| of too long a piece.
+Numbers that are multiplied at once."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +85,6 @@ class Certificate:
 
 def proves(flow: Flow, piece: Certificate) -> bool:
     """Whether the claim of a piece is proved; False for everything else, be the piece malformed."""
-    ctx.prec = PRECISION
     m, shape = flow.generators[0].nrows(), np.shape(piece.coordinates)
     numbers = np.concatenate([[piece.low, piece.high, piece.rate], np.ravel(piece.coordinates), piece.separators])
     if shape != (m, m) or not np.isfinite(numbers).all() or not 0 < piece.low <= piece.high:
@@ -117,84 +92,93 @@ def proves(flow: Flow, piece: Certificate) -> bool:
     if not 0 <= piece.outside <= m or not (piece.rate >= 1 if piece.outside else 0 <= piece.rate <= 1):
         return False
     try:
-        # In coordinates of X_1; segments that are alike once.
-        start, keys = exact(piece.coordinates), [*zip(flow.states, flow.fractions, strict=True)]
-        steps, degree = (_by_speed if flow.following else _by_period)(flow, piece, start, keys)
-        proof = _grows_or_decays if piece.rate else _keeps_a_form
-        return proof(flow, piece, [steps[key] for key in keys], degree) if degree else False
-    except (ZeroDivisionError, np.linalg.LinAlgError):  # a matrix that may be singular
+        with np.errstate(all="ignore"):
+            own = flow.enclosed(piece.low)
+            steps, span = (_by_speed if flow.following else _by_period)(flow, own, piece)
+            proof = _grows_or_decays if piece.rate else _keeps_a_form
+            return span < ENDLESS and proof(flow, own, piece, steps, span)
+    except np.linalg.LinAlgError:  # a matrix that may be singular
         return False
 
 
-def _by_period(flow: Flow, piece: Certificate, start: arb_mat, keys: list[Key]) -> tuple[dict[Key, Step], int]:
-    """exp(f A T_0) and B of each sort of segments, and the degree of polynomials in z; 0 of too long a piece."""
-    turn, back = 2 * arb.pi() * arb(flow.cycles), start.inv()
-    middle, half = centre(turn / arb(piece.high), turn / arb(piece.low))
-    own = [back * generator * start for generator in flow.generators]
-    slopes = {(s, f): own[s] * (half * arb(f)) for s, f in keys}
-    sizes = {key: size(slope) for key, slope in slopes.items()}
-    total = sum((sizes[key] for key in keys), arb(0))
-    if not total < ENDLESS:
-        return {}, 0
-    steps = {(s, f): Step([(own[s] * (middle * arb(f))).exp()], slopes[s, f], sizes[s, f]) for s, f in slopes}
-    return steps, DEGREE if total > GENTLE else 2
+def _by_period(flow: Flow, own: Enclosed, piece: Certificate) -> tuple[Ball, float]:
+    """exp(f A T) = exp(f A T_0) exp(z B) of each sort of segments, and the sum of |B| over all."""
+    states, fractions, sorts = flow.sorts
+    first, last = (2 * np.pi * flow.cycles / omega for omega in (piece.high, piece.low))
+    half = UP * (last - first) / 2 + SPARE * ROUNDING * last
+    terms, radii, f = own.terms[states], own.radii[states], fractions[:, None, None]
+    slopes = total(f * np.array([[0.0], [half]]), terms, radii)
+    span = float(size(slopes.centre[:, 1])[sorts].sum())
+    if not span < ENDLESS:
+        return slopes, np.inf
+    middle = exponential(total(f * (first + last) / 2, terms, radii), 0)
+    return product(middle, exponential(slopes, DEGREE), DEGREE), span
 
 
-def _by_speed(flow: Flow, piece: Certificate, start: arb_mat, keys: list[Key]) -> tuple[dict[Key, Step], int]:
-    """exp(f 2 pi N A(u)) of each sort of segments as a polynomial in z, and its degree; 0 of too long a piece."""
-    steps, back = {}, start.inv()
-    middle, half = centre(1 / arb(piece.high), 1 / arb(piece.low))
-    for s, f in set(keys):
-        turn = 2 * arb.pi() * arb(flow.cycles) * arb(f)
-        a, b, c = (back * part * start * turn for part in (flow.generators[s], *flow.following[s]))
-        exponent = [a + (b + c * middle) * middle, (b + c * middle * 2) * half, c * (half * half)]
-        sizes = [size(part) for part in exponent]
-        if not sizes[0] + sizes[1] + sizes[2] < ENDLESS:
-            return {}, 0
-        steps[s, f] = Step(exponential(exponent, DEGREE), None, sizes[1])
-    return steps, DEGREE
+def _by_speed(flow: Flow, own: Enclosed, piece: Certificate) -> tuple[Ball, float]:
+    """exp(f 2 pi N A(u)) of each sort of segments, and the sum of |B| over all."""
+    states, fractions, sorts = flow.sorts
+    first, last = 1 / piece.high, 1 / piece.low
+    middle, half = (first + last) / 2, UP * (last - first) / 2 + SPARE * ROUNDING * last
+    powers = np.array([[1.0, middle, middle**2], [0.0, half, 2 * middle * half], [0.0, 0.0, half**2]])
+    turn = 2 * np.pi * flow.cycles * fractions[:, None, None]
+    exponent = total(turn * powers, own.terms[states], own.radii[states])
+    sizes = size(exponent.centre)[sorts].sum(axis=0)
+    return (exponential(exponent, DEGREE), sizes[1:].sum()) if sizes.sum() < ENDLESS else (exponent, np.inf)
 
 
-def _grows_or_decays(flow: Flow, piece: Certificate, steps: list[Step], degree: int) -> bool:
-    """Theorem 1, from the end of the period to its beginning."""
-    signs = np.where(np.arange(len(piece.coordinates)) < piece.outside, 1.0, -1.0)
-    form, rate = exact(np.diag(signs)), arb(piece.rate)
-    middles = {id(step): near(step.flow[0]) for step in steps}
-    here = [exact(x) for x in coordinates([middles[id(s)] for s in steps], flow.fractions, signs, piece.rate)]
-    back = [x.inv() for x in here]
-    terms, share, span, count = [form], arb(0), arb(0), 0  # of a part
-    for s in reversed(range(len(steps))):
-        own = [back[(s + 1) % len(back)] * part * here[s] for part in steps[s].flow]
-        if (slope := steps[s].slope) is not None:
-            slope = back[s] * slope * here[s]
-        terms, span = pulled_back(terms, own, slope, degree), span + (steps[s].span if slope is None else size(slope))
-        share, count = share + arb(flow.fractions[s]), count + 1
-        if s == 0 or count == MOST or span > LONGEST:
-            if not _definite_throughout([terms[0] - form * rate**share, *terms[1:]]):
-                return False
-            terms, share, span, count = [form], arb(0), arb(0), 0
-    return True
+def _joined(steps: Ball, sorts: Array, levels: int) -> Ball:
+    """Products of 2^levels segments that follow each other; the last ones are filled up with unit matrices."""
+    unit = np.zeros((1, *steps.centre.shape[1:]))
+    unit[0, 0] = np.eye(unit.shape[-1])
+    every = Ball(np.concatenate([steps.centre, unit]), np.append(steps.radius, 0.0))
+    parts = np.pad(sorts, (0, -len(sorts) % 2**levels), constant_values=len(steps.radius)).reshape(-1, 2**levels)
+    found = []
+    for some in np.array_split(parts, -(-parts.size * unit.size // AT_ONCE)):
+        own = every[some]
+        for _ in range(levels):
+            own = product(own[:, 1::2], own[:, ::2], DEGREE)
+        found.append(own)
+    return Ball(
+        np.concatenate([own.centre[:, 0] for own in found]), np.concatenate([own.radius[:, 0] for own in found])
+    )
 
 
-def _keeps_a_form(flow: Flow, piece: Certificate, steps: list[Step], degree: int) -> bool:
+def _grows_or_decays(flow: Flow, own: Enclosed, piece: Certificate, steps: Ball, span: float) -> bool:
+    """Theorem 1."""
+    signs, count = np.where(np.arange(len(own.modes)) < piece.outside, 1.0, -1.0), len(flow.fractions)
+    levels = int(np.ceil(np.log2(count)))
+    while levels > 0 and (2**levels > MOST or span * min(1.0, 2**levels / count) > LONGEST):
+        levels -= 1
+    parts = _joined(steps, flow.sorts[2], levels)
+    shares = np.add.reduceat(flow.fractions, np.arange(0, count, 2**levels))
+    start, decay = np.linalg.solve(own.modes, piece.coordinates), flow.decay(own, piece.low)
+    here = np.array(coordinates(parts.centre[:, 0], shares, signs, piece.rate, start, decay))
+    back = np.linalg.inv(here)
+    # X^-1 is not exactly the inverse of X: y = X^-1 x is what defines coordinates.
+    off = size(back @ here - np.eye(len(signs))) + (len(signs) + SPARE) * ROUNDING * size(back) * size(here)
+    if not (off < 0.5).all():
+        return False
+    moved = product(known(np.roll(back, -1, axis=0)), product(parts, known(here), DEGREE), DEGREE)
+    rates = (np.maximum if piece.outside else np.minimum)(piece.rate**shares, 1.0)
+    form = product(Ball(moved.turned.centre * signs, moved.radius), moved, 2 * DEGREE)
+    return positive(plus(form, Ball(rates[:, None, None, None] * np.diag(-signs), UP * rates * off * (2 + off))))
+
+
+def _keeps_a_form(flow: Flow, own: Enclosed, piece: Certificate, steps: Ball, span: float) -> bool:
     """Theorem 2."""
     if flow.form is None:
         return False
-    start, unit = exact(piece.coordinates), identity(len(piece.coordinates))
-    form, period = start.transpose() * flow.form * start, [unit]
-    for step in steps:
-        period = product(moving(step.flow, step.slope, degree), period, degree)
-    turned, inverse = [form * term for term in period], form.inv()
-    total = [term - inverse * other.transpose() for term, other in zip(period, turned, strict=True)]
-    found = [term + term.transpose() for term in turned]
+    start, period = (
+        known(np.linalg.solve(own.modes, piece.coordinates)),
+        _joined(steps, flow.sorts[2], int(np.ceil(np.log2(len(flow.fractions)))))[0],
+    )
+    form, inverse = (Ball(matrix[None], radius) for matrix, radius in zip(own.forms, own.form_radii, strict=True))
+    moved = product(form, period, DEGREE)
+    back = product(inverse, moved.turned, DEGREE)
+    turns = plus(period, Ball(-back.centre, back.radius))
+    found = plus(moved, moved.turned)
     for zero in piece.separators:
-        found = product(found, [total[0] - unit * arb(zero), *total[1:]], degree)
-    return _definite_throughout([term * (1 if found[0][0, 0] > 0 else -1) for term in found])
-
-
-def _definite_throughout(terms: list[arb_mat]) -> bool:
-    """Whether a polynomial with symmetric coefficients, of degree 2 or more, is positive definite on [-1, 1]."""
-    constant, linear, square = terms[0], terms[1], terms[2]
-    for k, term in enumerate(terms[3:], start=1):
-        square = square + term * (arb(0, 1) if k % 2 else (arb(0, 1) + 1) / 2)
-    return all(map(definite, (constant - linear + square, constant - square, constant + linear + square)))
+        found = product(found, plus(turns, known(-zero * np.eye(len(own.modes)))), DEGREE)
+    found = product(product(start.turned, found, DEGREE), start, DEGREE)
+    return positive(Ball(found.centre * np.sign(found.centre[0, 0, 0]), found.radius))
