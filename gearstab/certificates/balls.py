@@ -95,7 +95,9 @@ def exponential(a: Ball, degree: int) -> Ball:
     m, parts, first = a.centre.shape[-1], size(a.centre[..., 1:, :, :]), a.centre[..., 0, :, :]
     own, b = size(first + np.swapaxes(first, -1, -2)) / 2, parts.sum(axis=-1)
     largest, c = (size(first) + b).max(), ((degree + 1) * m + SPARE) * ROUNDING
-    halvings = max(0, int(np.ceil(np.log2(largest / SMALL)))) if np.isfinite(largest) else 0
+    if not np.isfinite(largest):
+        raise np.linalg.LinAlgError("an exponent is not finite")
+    halvings = max(0, int(np.ceil(np.log2(largest / SMALL))))
     small, unit = a.centre * 0.5**halvings, np.eye(m)
     found = np.broadcast_to(unit, (*a.radius.shape, 1, m, m))
     # Without E_0 no more powers than the degree.
@@ -106,9 +108,10 @@ def exponential(a: Ball, degree: int) -> Ball:
     for j in range(halvings, 0, -1):
         found, g = _times(found, found, degree), UP * np.exp((own + b) * 0.5**j)
         off = UP * ((2 * g + off) * off + c * m * (g + off) ** 2)
-    ratio = np.clip((degree + 1) / np.maximum(b, TINY), 1.0, 1e6)
-    powers = ratio[..., None] ** np.arange(1, parts.shape[-1] + 1)
-    beyond = np.exp(own + (parts * powers).sum(axis=-1)) / ratio ** (degree + 1) if parts.shape[-1] else 0.0
+    powers = np.arange(1, parts.shape[-1] + 1)
+    ratio = np.clip(((degree + 1) / parts) ** (1 / powers), 1.0, 1e6).min(axis=-1, initial=1e6)
+    beyond = np.exp(own + (parts * ratio[..., None] ** powers).sum(axis=-1)) / ratio ** (degree + 1)
+    beyond = beyond if len(powers) else 0.0
     return Ball(found, UP**2 * (off + beyond + a.radius * np.exp(own + b + a.radius)))
 
 

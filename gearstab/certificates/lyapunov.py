@@ -44,7 +44,7 @@ def decays(flow: Flow, low: float, high: float) -> bool:
             middles = np.einsum("i,sijk->sjk", weights, generators.centre)
             carried = Carried(middles, flow.states, flow.fractions)
             return any(_falls(flow, carried, generators, scale) for scale in (COARSE, FINE))
-    except np.linalg.LinAlgError:
+    except (ZeroDivisionError, np.linalg.LinAlgError):  # a matrix that may be singular
         return False
 
 

@@ -1,4 +1,4 @@
-r"""Stability over whole intervals of the mesh frequency, proved in ball arithmetic.
+r"""Stability over whole intervals of the mesh frequency, proved in balls of matrices.
 
 x' = A_s x holds in segment s = 1, ..., S of a period T and lasts f_s T. With T = 2 pi N/Omega a period is
 
@@ -6,16 +6,18 @@ x' = A_s x holds in segment s = 1, ..., S of a period T and lasts f_s T. With T 
 
 A *piece* claims, of all Omega in [low, high], that every solution decays (is bounded), or that some grow.
 
-**Theorem 1.** Cut the period into parts of one or more segments, part i with the propagator Phi_i, of length g_i T. Let
-J = diag(I_k, -I), r > 0, and let X_1, X_2, ... back to X_1 after the last part be nonsingular. If for every part
+**Theorem 1.** Cut the period into parts of one or more segments, part i with the propagator Phi_i. Let
+J = diag(I_k, -I), let Y_1, Y_2, ... back to Y_1 after the last part be nonsingular, and all r_i > 0. If for every part
 
-    N_i = Psi_i^T J Psi_i - r^(g_i) J,      Psi_i = X_(i+1)^-1 Phi_i X_i,
+    N_i = Psi_i^T J Psi_i - r_i J,      Psi_i = Y_(i+1) Phi_i Y_i^-1,
 
-is positive definite, then (i) for k = 0 and r <= 1 all solutions decay exponentially; (ii) for k > 0 and r >= 1 some
-grow exponentially. *Proof.* V_i(x) = y^T J y with X_i y = x. Part i makes of V_i a V_(i+1) > r^(g_i) V_i for x != 0, so
-that V = V_1 has V(Phi x) >= R V(x) + c |x|^2 with R = prod r^(g_i) and some c > 0. (i) -V is positive definite, and
-shrinks by a factor below 1 in a period. (ii) From a V(x) > 0, which k > 0 admits, V grows by a factor above 1 in
-every period, and |x|^2 >= V/|X_1^-1|^2 with it. The certificate is X_1, k and r; other X_i are free.
+is positive definite, then (i) for k = 0 and all r_i <= 1 all solutions decay exponentially; (ii) for k > 0 and all
+r_i >= 1 some grow exponentially. *Proof.* V_i(x) = y^T J y with y = Y_i x. Part i makes of V_i a V_(i+1) > r_i V_i for
+x != 0, so that V = V_1 has V(Phi x) >= R V(x) + c |x|^2 with the product R of all r_i and some c > 0. (i) -V is
+positive definite, and shrinks by a factor below 1 in a period. (ii) From a V(x) > 0, which k > 0 admits, V grows by a
+factor above 1 in every period, and |x|^2 >= V/|Y_1|^2 with it. The certificate is X_1, near Y_1^-1, k and r, of which
+a part takes its share: other Y_i are free. With any X_i for Y_i^-1, N_i is found but for r_i (X_i^T Y_i^T J Y_i X_i - J),
+which is below r_i (2 d + d^2) where |Y_i X_i - I| = d < 1; this also says that Y_i and X_i are nonsingular.
 
 **Theorem 2.** Let Q be skew, nonsingular and A_s^T Q + Q A_s = 0 for all s (nothing is damped), W = Phi + Phi^-1 and p
 a real polynomial. Then H = (Q Phi + (Q Phi)^T) p(W) is symmetric and Phi^T H Phi = H. If H is definite, all solutions
@@ -24,16 +26,13 @@ Phi^T Q Phi = Q, so that Q Phi^-1 = Phi^T Q = -(Q Phi)^T and Q W = W^T Q. Hence 
 and Phi^T Q = Q Phi^-1 gives the second claim. x^T H x is the same at t = 0, T, 2T, ... and bounds |x|.
 The zeros of p, the *separators*, are the certificate, with coordinates X_1 in which H is looked at.
 
-**From a period to a piece.** T = T_0 + h z, -1 <= z <= 1, and exp(f A T) = exp(f A T_0) exp(z B), B = h f A. The rest
-of a Taylor polynomial of degree p is its term of degree p times an average of exp(u z B), 0 <= u <= 1 (of a form:
-between two of them), whose entries differ from those of the unit matrix by exp(|B|) - 1 at most: the last
-coefficient is a ball. So is in the end what is of higher degree than 2. On [-1, 1] c_0 + c_1 z + c_2 z^2 is a convex
-combination of its Bernstein coefficients c_0 - c_1 + c_2, c_0 - c_2, c_0 + c_1 + c_2, and definite if they are. P is
-positive definite if |R P R^T - I| < 1 for some R, or R P R^T has a dominant diagonal: the inverse of a Cholesky factor
-in floating point. |.| is the root of the sum of squares throughout.
+**From a period to a piece.** T = T_0 + h z, -1 <= z <= 1, and exp(f A T) = exp(f A T_0) exp(z B), B = h f A. All
+matrices are balls of polynomials in z (balls.py), which hold them at all z at once. A polynomial is a convex
+combination of its Bernstein coefficients on [-1, 1], and positive definite if they are. All is looked at in coordinates
+of modes, which keep A nearly normal: they change neither theorem.
 
 **Matrices that follow the speed.** In the time Omega t, A_s = A_0 + u A_1 + u^2 A_2, u = 1/Omega, over 2 pi N f_s. With
-u = u_0 + h z, exp(f_s 2 pi N A_s) is a polynomial in z with a ball for its last coefficient.
+u = u_0 + h z the exponent is a polynomial in z.
 
 **Not covered**: how A_s and f_s, doubles taken exactly, came from gears; what lies between pieces.
 """
@@ -42,6 +41,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -58,15 +58,14 @@ from gearstab.certificates.balls import (
     product,
     size,
     total,
-)  # fmt: skip
+)
 from gearstab.certificates.choices import coordinates
 from gearstab.certificates.equations import Enclosed, Flow
 
 DEGREE, COUNTED, CARRIED = 4, -1.0, -2.0
 """Degree of polynomials; rates of Theorems 3 and 4."""
-LONGEST, MOST, ENDLESS, AT_ONCE = 1.2, 2**20, 1000.0, 2**22
-"""Sum of |B|, and number, beyond which a part ends: radii grow with each segment. Sum of |B| of too long a piece.
-Numbers that are multiplied at once."""
+LONGEST, ENDLESS, AT_ONCE = 1.2, 1000.0, 2**22
+"""Sum of |B| beyond which a part ends, and of too long a piece; numbers that are multiplied at once."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ def proves(flow: Flow, piece: Certificate) -> bool:
             steps, span = (_by_speed if flow.following else _by_period)(flow, own, piece)
             proof = _grows_or_decays if piece.rate else _keeps_a_form
             return span < ENDLESS and proof(flow, own, piece, steps, span)
-    except np.linalg.LinAlgError:  # a matrix that may be singular
+    except (ZeroDivisionError, np.linalg.LinAlgError):  # a matrix that may be singular
         return False
 
 
@@ -127,35 +126,35 @@ def _by_speed(flow: Flow, own: Enclosed, piece: Certificate) -> tuple[Ball, floa
     return (exponential(exponent, DEGREE), sizes[1:].sum()) if sizes.sum() < ENDLESS else (exponent, np.inf)
 
 
-def _joined(steps: Ball, sorts: Array, levels: int) -> Ball:
-    """Products of 2^levels segments that follow each other; the last ones are filled up with unit matrices."""
-    unit = np.zeros((1, *steps.centre.shape[1:]))
+def _parts(flow: Flow, steps: Ball, span: float) -> tuple[Ball, Array]:
+    """Products of 2, 4, 8, ... segments that follow each other, and their shares of the period.
+
+    The last part is filled up with unit matrices.
+    """
+    count, unit = len(flow.states), np.zeros((1, *steps.centre.shape[1:]))
     unit[0, 0] = np.eye(unit.shape[-1])
+    length = 2 ** int(np.ceil(np.log2(count)))
+    while length > 1 and (length * unit.size > AT_ONCE or span * min(1.0, length / count) > LONGEST):
+        length //= 2
     every = Ball(np.concatenate([steps.centre, unit]), np.append(steps.radius, 0.0))
-    parts = np.pad(sorts, (0, -len(sorts) % 2**levels), constant_values=len(steps.radius)).reshape(-1, 2**levels)
+    parts = np.pad(flow.sorts[2], (0, -count % length), constant_values=len(steps.radius)).reshape(-1, length)
     found = []
     for some in np.array_split(parts, -(-parts.size * unit.size // AT_ONCE)):
         own = every[some]
-        for _ in range(levels):
+        while own.radius.shape[1] > 1:
             own = product(own[:, 1::2], own[:, ::2], DEGREE)
-        found.append(own)
-    return Ball(
-        np.concatenate([own.centre[:, 0] for own in found]), np.concatenate([own.radius[:, 0] for own in found])
-    )
+        found.append(own[:, 0])
+    whole = Ball(np.concatenate([own.centre for own in found]), np.concatenate([own.radius for own in found]))
+    return whole, np.add.reduceat(flow.fractions, np.arange(0, count, length))
 
 
 def _grows_or_decays(flow: Flow, own: Enclosed, piece: Certificate, steps: Ball, span: float) -> bool:
     """Theorem 1."""
-    signs, count = np.where(np.arange(len(own.modes)) < piece.outside, 1.0, -1.0), len(flow.fractions)
-    levels = int(np.ceil(np.log2(count)))
-    while levels > 0 and (2**levels > MOST or span * min(1.0, 2**levels / count) > LONGEST):
-        levels -= 1
-    parts = _joined(steps, flow.sorts[2], levels)
-    shares = np.add.reduceat(flow.fractions, np.arange(0, count, 2**levels))
+    signs = np.where(np.arange(len(own.modes)) < piece.outside, 1.0, -1.0)
+    parts, shares = _parts(flow, steps, span)
     start, decay = np.linalg.solve(own.modes, piece.coordinates), flow.decay(own, piece.low)
-    here = np.array(coordinates(parts.centre[:, 0], shares, signs, piece.rate, start, decay))
-    back = np.linalg.inv(here)
-    # X^-1 is not exactly the inverse of X: y = X^-1 x is what defines coordinates.
+    here = np.array(coordinates(parts.centre[:, 0], shares, signs, piece.rate, start, decay))  # X_i
+    back = np.linalg.inv(here)  # Y_i
     off = size(back @ here - np.eye(len(signs))) + (len(signs) + SPARE) * ROUNDING * size(back) * size(here)
     if not (off < 0.5).all():
         return False
@@ -166,13 +165,12 @@ def _grows_or_decays(flow: Flow, own: Enclosed, piece: Certificate, steps: Ball,
 
 
 def _keeps_a_form(flow: Flow, own: Enclosed, piece: Certificate, steps: Ball, span: float) -> bool:
-    """Theorem 2."""
+    """Theorem 2; the span, by which a piece changes, needs no parts."""
     if flow.form is None:
         return False
-    start, period = (
-        known(np.linalg.solve(own.modes, piece.coordinates)),
-        _joined(steps, flow.sorts[2], int(np.ceil(np.log2(len(flow.fractions)))))[0],
-    )
+    start = known(np.linalg.solve(own.modes, piece.coordinates))
+    parts, shares = _parts(flow, steps, 0 * span)
+    period = reduce(lambda whole, part: product(part, whole, DEGREE), [parts[i] for i in range(len(shares))])
     form, inverse = (Ball(matrix[None], radius) for matrix, radius in zip(own.forms, own.form_radii, strict=True))
     moved = product(form, period, DEGREE)
     back = product(inverse, moved.turned, DEGREE)
