@@ -16,8 +16,8 @@ r_i >= 1 some grow exponentially. *Proof.* V_i(x) = y^T J y with y = Y_i x. Part
 x != 0, so that V = V_1 has V(Phi x) >= R V(x) + c |x|^2 with the product R of all r_i and some c > 0. (i) -V is
 positive definite, and shrinks by a factor below 1 in a period. (ii) From a V(x) > 0, which k > 0 admits, V grows by a
 factor above 1 in every period, and |x|^2 >= V/|Y_1|^2 with it. The certificate is X_1, near Y_1^-1, k and r, of which
-a part takes its share: other Y_i are free. With any X_i for Y_i^-1, N_i is found but for r_i (X_i^T Y_i^T J Y_i X_i - J),
-which is below r_i (2 d + d^2) where |Y_i X_i - I| = d < 1; this also says that Y_i and X_i are nonsingular.
+a part takes its share: other Y_i are free. With X_i for Y_i^-1, N_i is found but for r_i (X_i^T Y_i^T J Y_i X_i - J)
+below r_i (2 d + d^2) where |Y_i X_i - I| = d < 1; this also says that Y_i and X_i are nonsingular.
 
 **Theorem 2.** Let Q be skew, nonsingular and A_s^T Q + Q A_s = 0 for all s (nothing is damped), W = Phi + Phi^-1 and p
 a real polynomial. Then H = (Q Phi + (Q Phi)^T) p(W) is symmetric and Phi^T H Phi = H. If H is definite, all solutions
