@@ -9,13 +9,12 @@ Numbers are doubles, rounded to nearest. With m terms of products in any order, 
 (3.13)). Bounds are larger by 0.1 %, which holds all roundings of bounds, and by TINY, which holds what underflows. What
 overflows becomes no number, of which no comparison is true.
 
-**Exponentials.** Let a = |E_0 + E_0^T|/2 and b_k = |E_k|. As |exp(s E_0)|_2 <= exp(s a), expanding in what follows E_0
-shows that the coefficients of exp(E) are below those of exp(a + b_1 z + b_2 z^2 + ...): all together below exp(a + b),
-b the sum of b_k, and those beyond z^p below exp(a + b_1 R + b_2 R^2 + ...) R^-(p + 1) for any R >= 1. Coefficients up
-to z^p are those of products that leave out higher ones: of a sum of powers of E/2^k, |E_0| + b <= 2^k/4, whose rest is
-below 4^-13/13! exp(1/4), and of k squares. With c = (p + 1) m 2^-52 each step of Horner's scheme adds less than
-c sqrt(m) to an error, which the next ones divide by 4 or more; a square makes of an error d less than
-2 g d + d^2 + c m (g + d)^2, g = exp((a + b)/2^j). An error of E counts at most exp(a + b + its size) times.
+**Exponentials.** exp(E) is a sum of powers of E/2^k, k times squared. Let b_j be the sizes of the coefficients of
+E/2^k, and their sum 1 at most. The coefficients of the exponential are below those of exp(b_0 + b_1 z + ...): those
+beyond z^p together below exp(b_0 + b_1 R + b_2 R^2 + ...) R^-(p + 1) for any R >= 1. Those up to z^p are found by
+products that leave out higher ones; the rest of the sum is below e/19!, and step n of Horner's scheme adds less than
+e (p + 1) m^(3/2) 2^-52 to an error, which step n - 1 divides by n - 1 at least. What E/2^k is off by counts at most
+exp(1 + its size) times.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ ROUNDING, TINY, UP = 2.0**-52, 1e-150, 1.001
 """2 e; larger than a sum of squares that underflows; the factor on bounds."""
 SPARE = 8
 """Roundings besides those of products: of factors and of sums."""
-SMALL, TERMS = 0.25, 12
+SMALL, TERMS = 1.0, 18
 """Size up to which an exponential is summed, the larger ones being squares; how many of its terms."""
 
 
@@ -79,45 +78,46 @@ def plus(a: Ball, b: Ball) -> Ball:
 
 def product(a: Ball, b: Ball, degree: int) -> Ball:
     """Multiply; what is beyond a degree goes into the radius."""
-    first, second, m = size(a.centre), size(b.centre), a.centre.shape[-1]
-    beyond = first.sum(axis=-1) * second.sum(axis=-1)
-    rounded = (m * min(first.shape[-1], second.shape[-1]) + SPARE) * ROUNDING * beyond
-    left = sum(
-        (first[..., i] * second[..., max(degree + 1 - i, 0) :].sum(axis=-1) for i in range(first.shape[-1])),
-        np.zeros(beyond.shape),
-    )
-    radius = reach(a.centre) * b.radius + (reach(b.centre) + b.radius) * a.radius
-    return Ball(_times(a.centre, b.centre, degree), UP * (radius + left + rounded))
+    first, left, m = size(a.centre), reach(a.centre), a.centre.shape[-1]
+    second, right = (first, left) if a is b else (size(b.centre), reach(b.centre))
+    every = first[..., :, None] * second[..., None, :]
+    rounded = (m * min(every.shape[-2:]) + SPARE) * ROUNDING * every.sum(axis=(-2, -1))
+    beyond = np.add.outer(*map(np.arange, every.shape[-2:])) > degree
+    radius = left * b.radius + (right + b.radius) * a.radius + every[..., beyond].sum(axis=-1) + rounded
+    return Ball(_times(a.centre, b.centre, degree), UP * radius)
 
 
 def exponential(a: Ball, degree: int) -> Ball:
     """exp(E), up to a degree."""
-    m, parts, first = a.centre.shape[-1], size(a.centre[..., 1:, :, :]), a.centre[..., 0, :, :]
-    own, b = size(first + np.swapaxes(first, -1, -2)) / 2, parts.sum(axis=-1)
-    largest, c = (size(first) + b).max(), ((degree + 1) * m + SPARE) * ROUNDING
+    sizes, m = size(a.centre), a.centre.shape[-1]
+    largest = sizes.sum(axis=-1).max()
     if not np.isfinite(largest):
         raise np.linalg.LinAlgError("an exponent is not finite")
     halvings = max(0, int(np.ceil(np.log2(largest / SMALL))))
-    small, unit = a.centre * 0.5**halvings, np.eye(m)
-    found = np.broadcast_to(unit, (*a.radius.shape, 1, m, m))
+    small, own, radius = (part * 0.5**halvings for part in (a.centre, sizes, a.radius))
+    unit = np.eye(m)
+    found = np.broadcast_to(unit, (*radius.shape, 1, m, m))
     # Without E_0 no more powers than the degree.
-    for order in range(TERMS if first.any() else degree, 0, -1):
+    for order in range(TERMS if small[..., 0, :, :].any() else degree, 0, -1):
         found = _times(small / order, found, degree)
         found[..., 0, :, :] += unit
-    off = 2 * c * np.sqrt(m) + SMALL ** (TERMS + 1) / factorial(TERMS + 1) * np.exp(SMALL)
-    for j in range(halvings, 0, -1):
-        found, g = _times(found, found, degree), UP * np.exp((own + b) * 0.5**j)
-        off = UP * ((2 * g + off) * off + c * m * (g + off) ** 2)
-    powers = np.arange(1, parts.shape[-1] + 1)
-    ratio = np.clip(((degree + 1) / parts) ** (1 / powers), 1.0, 1e6).min(axis=-1, initial=1e6)
-    beyond = np.exp(own + (parts * ratio[..., None] ** powers).sum(axis=-1)) / ratio ** (degree + 1)
-    beyond = beyond if len(powers) else 0.0
-    return Ball(found, UP**2 * (off + beyond + a.radius * np.exp(own + b + a.radius)))
+    rest = SMALL ** (TERMS + 1) / factorial(TERMS + 1) * np.exp(SMALL) + radius * np.exp(SMALL + radius)
+    off = 8 * ((degree + 1) * m + SPARE) * ROUNDING * np.sqrt(m) + rest
+    if own.shape[-1] > 1:
+        powers = np.arange(own.shape[-1])
+        ratio = np.clip(((degree + 1) / own[..., 1:]) ** (1 / powers[1:]), 1.0, 1e6).min(axis=-1)
+        off += np.exp((own * ratio[..., None] ** powers).sum(axis=-1)) / ratio ** (degree + 1)
+    ball = Ball(found, UP**2 * off)
+    for _ in range(halvings):
+        ball = product(ball, ball, degree)
+    return ball
 
 
 def _times(a: Array, b: Array, degree: int) -> Array:
     """Coefficients of a product, up to a degree."""
     p, q = a.shape[-3], b.shape[-3]
+    if min(p, q) == 1:
+        return np.asarray((a @ b)[..., : degree + 1, :, :])
     found = []
     for k in range(min(p + q - 1, degree + 1)):
         start, stop = max(0, k - q + 1), min(k + 1, p)

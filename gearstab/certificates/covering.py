@@ -70,8 +70,9 @@ def covered(low: float, high: float, least: float, claim: Claim, first: float = 
     """
     at, step, sure = low, first, True
     while at < high:
-        step = min(step, float(np.log(high / at)))
-        if (piece := claim(at, min(at * float(np.exp(step)), high))) is not None:
+        left = float(np.log(high / at))
+        step, end = (step, at * float(np.exp(step))) if 1.01 * step < left else (left, high)
+        if (piece := claim(at, end)) is not None:
             yield piece
             at, step, sure = piece.high, step * LONGER if sure else step, True
         elif step > SHORTEST * least:

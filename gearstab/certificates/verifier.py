@@ -62,8 +62,8 @@ from gearstab.certificates.balls import (
 from gearstab.certificates.choices import coordinates
 from gearstab.certificates.equations import Enclosed, Flow
 
-DEGREE, COUNTED, CARRIED = 4, -1.0, -2.0
-"""Degree of polynomials; rates of Theorems 3 and 4."""
+DEGREE, GENTLE, COUNTED, CARRIED = 4, 0.05, -1.0, -2.0
+"""Degree of polynomials; sum of |B| below which it is 2; rates of Theorems 3 and 4."""
 LONGEST, ENDLESS, AT_ONCE = 1.2, 1000.0, 2**22
 """Sum of |B| beyond which a part ends, and of too long a piece; numbers that are multiplied at once."""
 
@@ -111,7 +111,8 @@ def _by_period(flow: Flow, own: Enclosed, piece: Certificate) -> tuple[Ball, flo
     if not span < ENDLESS:
         return slopes, np.inf
     middle = exponential(total(f * (first + last) / 2, terms, radii), 0)
-    return product(middle, exponential(slopes, DEGREE), DEGREE), span
+    degree = DEGREE if span > GENTLE else 2
+    return product(middle, exponential(slopes, degree), degree), span
 
 
 def _by_speed(flow: Flow, own: Enclosed, piece: Certificate) -> tuple[Ball, float]:
@@ -131,7 +132,7 @@ def _parts(flow: Flow, steps: Ball, span: float) -> tuple[Ball, Array]:
 
     The last part is filled up with unit matrices.
     """
-    count, unit = len(flow.states), np.zeros((1, *steps.centre.shape[1:]))
+    count, degree, unit = len(flow.states), steps.centre.shape[1] - 1, np.zeros((1, *steps.centre.shape[1:]))
     unit[0, 0] = np.eye(unit.shape[-1])
     length = 2 ** int(np.ceil(np.log2(count)))
     while length > 1 and (length * unit.size > AT_ONCE or span * min(1.0, length / count) > LONGEST):
@@ -142,7 +143,7 @@ def _parts(flow: Flow, steps: Ball, span: float) -> tuple[Ball, Array]:
     for some in np.array_split(parts, -(-parts.size * unit.size // AT_ONCE)):
         own = every[some]
         while own.radius.shape[1] > 1:
-            own = product(own[:, 1::2], own[:, ::2], DEGREE)
+            own = product(own[:, 1::2], own[:, ::2], degree)
         found.append(own[:, 0])
     whole = Ball(np.concatenate([own.centre for own in found]), np.concatenate([own.radius for own in found]))
     return whole, np.add.reduceat(flow.fractions, np.arange(0, count, length))
@@ -158,9 +159,10 @@ def _grows_or_decays(flow: Flow, own: Enclosed, piece: Certificate, steps: Ball,
     off = size(back @ here - np.eye(len(signs))) + (len(signs) + SPARE) * ROUNDING * size(back) * size(here)
     if not (off < 0.5).all():
         return False
-    moved = product(known(np.roll(back, -1, axis=0)), product(parts, known(here), DEGREE), DEGREE)
+    degree = parts.centre.shape[1] - 1
+    moved = product(known(np.roll(back, -1, axis=0)), product(parts, known(here), degree), degree)
     rates = (np.maximum if piece.outside else np.minimum)(piece.rate**shares, 1.0)
-    form = product(Ball(moved.turned.centre * signs, moved.radius), moved, 2 * DEGREE)
+    form = product(Ball(moved.turned.centre * signs, moved.radius), moved, 2 * degree)
     return positive(plus(form, Ball(rates[:, None, None, None] * np.diag(-signs), UP * rates * off * (2 + off))))
 
 
