@@ -7,8 +7,6 @@ then what a Lyapunov equation makes of the unit matrix, by sweeps backwards, whi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 Array = np.ndarray
@@ -17,35 +15,39 @@ GRADED, DOUBLINGS = 1e6, 10
 """Condition of Phi beyond which Lyapunov's equation is solved; periods, as a power of 2, of a sweep."""
 
 
-def coordinates(propagators: Sequence[Array], fractions: Sequence[float], signs: Array, rate: float) -> list[Array]:
-    """``(m, m)`` at the beginning of every segment, from the propagators of all and their shares of the period."""
-    gone = [np.eye(len(signs))]
+def coordinates(
+    propagators: Array, shares: Array, signs: Array, rate: float, start: Array, decay: Array
+) -> list[Array]:
+    """``(m, m)`` at the beginning of every part, from the propagators of all and their shares of the period."""
+    gone = [start]
     for propagator in propagators:
         gone.append(propagator @ gone[-1])
-    whole = gone[-1]
+    whole = np.linalg.solve(start, gone[-1])
     if (signs < 0).all() and np.linalg.cond(whole) > GRADED:
-        return _swept(propagators, fractions, whole)
+        return _swept(propagators, shares, decay)
     growth = whole.T @ (signs[:, None] * whole) - rate * np.diag(signs)
     inner = np.linalg.inv(np.linalg.cholesky(0.5 * (growth + growth.T)))
     values, basis = np.linalg.eigh(inner @ np.diag(signs) @ inner.T)
     # D^2 = J Phi^T J Phi = vectors diag(squared) vectors^-1.
     vectors, squared = inner.T @ basis, rate + 1 / values
-    back, shares = np.linalg.inv(vectors), np.cumsum([0.0, *fractions])
-    return [gone[s] @ ((vectors * squared ** (-0.5 * shares[s])) @ back) for s in range(len(propagators))]
+    back, gone_by = np.linalg.inv(vectors), np.cumsum([0.0, *shares])
+    return [gone[s] @ ((vectors * squared ** (-0.5 * gone_by[s])) @ back) for s in range(len(propagators))]
 
 
-def _swept(propagators: Sequence[Array], fractions: Sequence[float], whole: Array) -> list[Array]:
-    """X_s = P_s^(-1/2), P_s = e^(2 b f_s) F_s^T P_(s+1) F_s + f_s W, F_s of the segment.
+def _swept(propagators: Array, shares: Array, decay: Array) -> list[Array]:
+    """X_s = P_s^(-1/2), P_s = e^(2 b f_s) F_s^T P_(s+1) F_s + f_s W, F_s of the part.
 
     b: half the slowest decay in a period; W: twice the decay of each coordinate, which is the slowest at least, less b.
     """
-    decay = -np.sum([np.log(np.abs(np.diag(flow))) for flow in propagators], axis=0)
+    whole = np.eye(len(decay))
+    for flow in propagators:
+        whole = flow @ whole
     slow = -0.5 * np.log(np.maximum(np.abs(np.linalg.eigvals(whole)).max(), np.finfo(float).tiny))
     decay = np.maximum(decay, 2 * slow)
 
     def swept(form: Array) -> list[Array]:
         forms = [form]
-        for flow, f in zip(reversed(propagators), reversed(fractions), strict=True):
+        for flow, f in zip(propagators[::-1], shares[::-1], strict=True):
             forms.append(np.exp(2 * slow * f) * flow.T @ forms[-1] @ flow + f * np.diag(2 * (decay - slow)))
         return forms[:0:-1]
 

@@ -44,10 +44,10 @@ from math import comb, factorial
 import numpy as np
 from flint import arb, arb_mat, arb_poly, ctx, fmpq
 
+from gearstab.certificates.balls import exact, near
 from gearstab.certificates.choices import modal
-from gearstab.certificates.polynomials import exact, near
+from gearstab.certificates.equations import Flow
 from gearstab.certificates.roots import CUT, crossing, cut, nonzero, outside
-from gearstab.certificates.verifier import Flow
 
 BITS, STEP = 128, 0.65
 """Bits of the midpoints; by how much the fastest function can turn from one T to the next."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from functools import partial
 from math import ceil, floor
 
 import numpy as np
@@ -9,14 +11,14 @@ from flint import arb
 from scipy.optimize import brentq
 
 from gearstab.certificates.counting import Counter
-from gearstab.certificates.equations import flow
+from gearstab.certificates.equations import Flow, flow
 from gearstab.certificates.lyapunov import decays
-from gearstab.certificates.making import Maker
+from gearstab.certificates.making import claimed
 from gearstab.certificates.proof import counter
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import gaps
-from gearstab.certificates.verifier import CARRIED, COUNTED, Array, Certificate, Flow, proves
-from gearstab.system import GearSystem
+from gearstab.certificates.verifier import CARRIED, COUNTED, Certificate, proves
+from gearstab.system import Array, GearSystem
 
 LEFT = 4e-4
 """Part of the range, in logarithms, that may be left around all edges together."""
@@ -28,12 +30,17 @@ NARROW = 0.05
 """Part of an interval that is given up at each of its ends, at most."""
 PHASE = 1500
 """States times segments beyond which Theorem 4 is cheaper than Theorem 1."""
-SHORTEST = 0.1
-"""A piece of Theorem 4 is not halved further, as part of the width that is given up at an edge."""
+FIRST, SHORTER, LONGER, SHORTEST = 0.01, 0.5, 2.0, 0.4
+"""The longest piece that is tried first with coordinates; factors on the length of the next one, where one was not
+proved, and where it was; the shortest, as a part of the width that is given up at an edge.
+"""
 BESIDE = 0.1
 """Width given up beside multipliers that cross the circle in an unstable interval, as part of that at an edge."""
 SAMPLES = 32
 """Samples a cell in which such crossings are looked for."""
+
+
+Claim = Callable[[float, float], Certificate | None]
 
 
 def states(system: GearSystem) -> int:
@@ -51,12 +58,38 @@ def verdicts(system: GearSystem, omega: Array) -> Array:
     found = np.full(omega.shape, -1, dtype=np.int8)
     for row, own in enumerate(segments(system)):
         known = flow(own)
-        maker = Maker(known, 0.0)
         for k, at in enumerate(omega[row].tolist()):
-            piece = maker.proposal(at, at)
-            if piece is not None and proves(known, piece):
+            if (piece := by_a_form(known, at, at)) is not None:
                 found[row, k] = piece.outside == 0
     return found
+
+
+def covered(low: float, high: float, least: float, claim: Claim, first: float = np.inf) -> Iterator[Certificate]:
+    """Pieces of an interval, ascending, each as long as what is proved; where nothing is, a width of ``least`` is left
+    out. Widths and ``first``, the longest that is tried first, are relative to Omega.
+    """
+    at, step, sure = low, first, True
+    while at < high:
+        left = float(np.log(high / at))
+        step, end = (step, at * float(np.exp(step))) if 1.01 * step < left else (left, high)
+        if (piece := claim(at, end)) is not None:
+            yield piece
+            at, step, sure = piece.high, step * LONGER if sure else step, True
+        elif step > SHORTEST * least:
+            step, sure = step * SHORTER, False
+        else:
+            at, step = at * (1 + least), least
+
+
+def by_a_form(known: Flow, low: float, high: float) -> Certificate | None:
+    """A piece by Theorem 1 or 2."""
+    piece = claimed(known, low, high)
+    return piece if piece is not None and proves(known, piece) else None
+
+
+def _by_one_carried_along(known: Flow, low: float, high: float) -> Certificate | None:
+    """A piece by Theorem 4."""
+    return Certificate(low, high, 0, CARRIED, np.zeros((0, 0))) if decays(known, low, high) else None
 
 
 def _of_row(known: Flow, ends: Array) -> list[Certificate]:
@@ -70,32 +103,14 @@ def _of_row(known: Flow, ends: Array) -> list[Certificate]:
         low, high = ends[k] * (1 + edges[0] * least), ends[k + 1] * (1 - edges[1] * least)
         counted = [] if counting is None else _without_coordinates(counting, low, high, least)
         left = gaps(np.array([(piece.low, piece.high) for piece in counted]).reshape(-1, 2), low, high)
-        left = left[left[:, 1] > left[:, 0] * (1 + least)]
-        if len(left) and known.form is None and known.generators[0].nrows() * len(known.states) > PHASE:
-            counted += _decaying(known, left, least)
-            left = gaps(np.array([(piece.low, piece.high) for piece in counted]).reshape(-1, 2), low, high)
-            left = left[left[:, 1] > left[:, 0] * (1 + least)]
-        if len(left):
-            maker = Maker(known, least)
-            for start, stop in left.tolist():
-                counted += maker.cover(start, stop, (edges[0] and start == low, edges[1] and stop == high))
+        long = known.form is None and known.generators[0].nrows() * len(known.states) > PHASE
+        for start, stop in left[left[:, 1] > left[:, 0] * (1 + least)].tolist():
+            suggested = claimed(known, start, stop) if long else None
+            if suggested is not None and suggested.outside == 0:
+                counted += covered(start, stop, least, partial(_by_one_carried_along, known))
+            else:
+                counted += covered(start, stop, least, partial(by_a_form, known), FIRST)
         found += sorted(counted, key=lambda piece: piece.low)
-    return found
-
-
-def _decaying(known: Flow, left: Array, least: float) -> list[Certificate]:
-    """Pieces of stable intervals by Theorem 4: the whole, or halves where these are not proved."""
-    maker, parts, found = Maker(known, least), [], []
-    for low, high in left.tolist():
-        if (claim := maker.proposal(low, high)) is not None and claim.outside == 0:
-            parts.append((low, high))
-    while parts:
-        low, high = parts.pop()
-        if decays(known, low, high):
-            found.append(Certificate(low, high, 0, CARRIED, np.zeros((0, 0))))
-        elif high > low * (1 + SHORTEST * least):
-            middle = float(np.sqrt(low * high))
-            parts += [(low, middle), (middle, high)]
     return found
 
 

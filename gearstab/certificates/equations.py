@@ -22,13 +22,14 @@ matrices alike. Q is kept where C_s = 0, all else is symmetric and G, its C, ske
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from flint import arb_mat, ctx
 
-from gearstab.certificates.polynomials import exact
-from gearstab.certificates.verifier import Flow
+from gearstab.certificates.balls import enclosed, exact, near
+from gearstab.certificates.choices import modal
 
 Array = np.ndarray
 
@@ -36,6 +37,8 @@ BITS = 160
 """Precision of the midpoints (bits): more than any proof takes."""
 IMPOSED = 1e-9
 """Part of |K| |r| up to which K r counts as 0."""
+COORDINATES = 4
+"""Coordinates in an octave of mesh frequencies where matrices follow the speed."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,68 @@ class Segments:
     cycles: float
     rigid: Array
     following: tuple[Array, Array, Array] | None = None
+
+
+@dataclass(frozen=True)
+class Enclosed:
+    """A flow in doubles, in coordinates ``modes`` of the modes of a mean system.
+
+    terms ``(D, I, m, m)``: A, or A_0, A_1, A_2, of each state, and radii ``(D, I)``; forms ``(2, m, m)``: Q and Q^-1.
+    """
+
+    modes: Array
+    terms: Array
+    radii: Array
+    forms: Array
+    form_radii: Array
+
+
+@dataclass(frozen=True)
+class Flow:
+    """A of each state; of each segment its state and f_s; cycles N; form Q, None where something is damped.
+
+    following: of each state (A_1, A_2) where matrices follow the speed: the generators are then A_0.
+    """
+
+    generators: Sequence[arb_mat]
+    states: Sequence[int]
+    fractions: Sequence[float]
+    cycles: float
+    form: arb_mat | None
+    following: Sequence[tuple[arb_mat, arb_mat]] = ()
+    found: dict[int, Enclosed] = field(default_factory=dict, init=False, repr=False)
+
+    def enclosed(self, omega: float) -> Enclosed:
+        """In coordinates of the mean modes near a mesh frequency: any coordinates would be right."""
+        key = round(COORDINATES * float(np.log2(omega))) if self.following else 0
+        if key not in self.found:
+            self.found[key] = self._enclosed(2.0 ** (-key / COORDINATES))
+        return self.found[key]
+
+    def _enclosed(self, u: float) -> Enclosed:
+        ctx.prec = BITS
+        every = [[a] for a in self.generators]
+        for parts, more in zip(every, self.following, strict=False):
+            parts += more
+        whole = np.array([sum(near(part) * u**k for k, part in enumerate(parts)) for parts in every])
+        modes = modal(whole, np.bincount(self.states, self.fractions))
+        turn = exact(modes)
+        back, form = turn.inv(), None if self.form is None else turn.transpose() * self.form * turn
+        terms, radii = enclosed([[back * part * turn for part in parts] for parts in every])
+        forms, form_radii = enclosed([[form, form.inv()]]) if form is not None else (np.empty((1, 0)), np.empty((1, 0)))
+        return Enclosed(modes, terms, radii, forms[0], form_radii[0])
+
+    def decay(self, own: Enclosed, omega: float) -> Array:
+        """Return how much each mode of the mean system decays in a period, about."""
+        powers = omega ** -np.arange(3.0) if self.following else np.array([1 / omega])
+        mean = np.tensordot(np.bincount(self.states, self.fractions), own.terms, 1)
+        return -2 * np.pi * self.cycles * np.einsum("i,ijj->j", powers, mean)
+
+    @cached_property
+    def sorts(self) -> tuple[Array, Array, Array]:
+        """State and f_s of each sort of segments, and the sort of every segment."""
+        (states, fractions), index = np.unique([self.states, self.fractions], axis=1, return_inverse=True)
+        return states.astype(int), fractions, np.ravel(index)
 
 
 def flow(system: Segments) -> Flow:

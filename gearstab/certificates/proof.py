@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.certificates.counting import Counter
+from gearstab.certificates.equations import Array, Flow
 from gearstab.certificates.lyapunov import decays
-from gearstab.certificates.verifier import CARRIED, COUNTED, Array, Certificate, Flow, proves
+from gearstab.certificates.verifier import CARRIED, COUNTED, Certificate, proves
 
 MANY, LONG = 10, 100
 """States and segments up to which Theorem 3 is cheaper."""

@@ -1,4 +1,4 @@
-r"""Stability over whole intervals of the mesh frequency, proved in ball arithmetic.
+r"""Stability over whole intervals of the mesh frequency, proved in balls of matrices.
 
 x' = A_s x holds in segment s = 1, ..., S of a period T and lasts f_s T. With T = 2 pi N/Omega a period is
 
@@ -6,16 +6,18 @@ x' = A_s x holds in segment s = 1, ..., S of a period T and lasts f_s T. With T 
 
 A *piece* claims, of all Omega in [low, high], that every solution decays (is bounded), or that some grow.
 
-**Theorem 1.** Cut the period into parts of one or more segments, part i with the propagator Phi_i, of length g_i T. Let
-J = diag(I_k, -I), r > 0, and let X_1, X_2, ... back to X_1 after the last part be nonsingular. If for every part
+**Theorem 1.** Cut the period into parts of one or more segments, part i with the propagator Phi_i. Let
+J = diag(I_k, -I), let Y_1, Y_2, ... back to Y_1 after the last part be nonsingular, and all r_i > 0. If for every part
 
-    N_i = Psi_i^T J Psi_i - r^(g_i) J,      Psi_i = X_(i+1)^-1 Phi_i X_i,
+    N_i = Psi_i^T J Psi_i - r_i J,      Psi_i = Y_(i+1) Phi_i Y_i^-1,
 
-is positive definite, then (i) for k = 0 and r <= 1 all solutions decay exponentially; (ii) for k > 0 and r >= 1 some
-grow exponentially. *Proof.* V_i(x) = y^T J y with X_i y = x. Part i makes of V_i a V_(i+1) > r^(g_i) V_i for x != 0, so
-that V = V_1 has V(Phi x) >= R V(x) + c |x|^2 with R = prod r^(g_i) and some c > 0. (i) -V is positive definite, and
-shrinks by a factor below 1 in a period. (ii) From a V(x) > 0, which k > 0 admits, V grows by a factor above 1 in
-every period, and |x|^2 >= V/|X_1^-1|^2 with it. The certificate is X_1, k and r; other X_i are free.
+is positive definite, then (i) for k = 0 and all r_i <= 1 all solutions decay exponentially; (ii) for k > 0 and all
+r_i >= 1 some grow exponentially. *Proof.* V_i(x) = y^T J y with y = Y_i x. Part i makes of V_i a V_(i+1) > r_i V_i for
+x != 0, so that V = V_1 has V(Phi x) >= R V(x) + c |x|^2 with the product R of all r_i and some c > 0. (i) -V is
+positive definite, and shrinks by a factor below 1 in a period. (ii) From a V(x) > 0, which k > 0 admits, V grows by a
+factor above 1 in every period, and |x|^2 >= V/|Y_1|^2 with it. The certificate is X_1, near Y_1^-1, k and r, of which
+a part takes its share: other Y_i are free. With X_i for Y_i^-1, N_i is found but for r_i (X_i^T Y_i^T J Y_i X_i - J)
+below r_i (2 d + d^2) where |Y_i X_i - I| = d < 1; this also says that Y_i and X_i are nonsingular.
 
 **Theorem 2.** Let Q be skew, nonsingular and A_s^T Q + Q A_s = 0 for all s (nothing is damped), W = Phi + Phi^-1 and p
 a real polynomial. Then H = (Q Phi + (Q Phi)^T) p(W) is symmetric and Phi^T H Phi = H. If H is definite, all solutions
@@ -24,16 +26,13 @@ Phi^T Q Phi = Q, so that Q Phi^-1 = Phi^T Q = -(Q Phi)^T and Q W = W^T Q. Hence 
 and Phi^T Q = Q Phi^-1 gives the second claim. x^T H x is the same at t = 0, T, 2T, ... and bounds |x|.
 The zeros of p, the *separators*, are the certificate, with coordinates X_1 in which H is looked at.
 
-**From a period to a piece.** T = T_0 + h z, -1 <= z <= 1, and exp(f A T) = exp(f A T_0) exp(z B), B = h f A. The rest
-of a Taylor polynomial of degree p is its term of degree p times an average of exp(u z B), 0 <= u <= 1 (of a form:
-between two of them), whose entries differ from those of the unit matrix by exp(|B|) - 1 at most: the last
-coefficient is a ball. So is in the end what is of higher degree than 2. On [-1, 1] c_0 + c_1 z + c_2 z^2 is a convex
-combination of its Bernstein coefficients c_0 - c_1 + c_2, c_0 - c_2, c_0 + c_1 + c_2, and definite if they are. P is
-positive definite if |R P R^T - I| < 1 for some R, or R P R^T has a dominant diagonal: the inverse of a Cholesky factor
-in floating point. |.| is the root of the sum of squares throughout.
+**From a period to a piece.** T = T_0 + h z, -1 <= z <= 1, and exp(f A T) = exp(f A T_0) exp(z B), B = h f A. All
+matrices are balls of polynomials in z (balls.py), which hold them at all z at once. A polynomial is a convex
+combination of its Bernstein coefficients on [-1, 1], and positive definite if they are. All is looked at in coordinates
+of modes, which keep A nearly normal: they change neither theorem.
 
 **Matrices that follow the speed.** In the time Omega t, A_s = A_0 + u A_1 + u^2 A_2, u = 1/Omega, over 2 pi N f_s. With
-u = u_0 + h z, exp(f_s 2 pi N A_s) is a polynomial in z with a ball for its last coefficient.
+u = u_0 + h z the exponent is a polynomial in z.
 
 **Not covered**: how A_s and f_s, doubles taken exactly, came from gears; what lies between pieces.
 """
@@ -42,55 +41,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
-from flint import arb, arb_mat, ctx
 
-from gearstab.certificates.choices import coordinates
-from gearstab.certificates.polynomials import (
-    centre,
-    definite,
-    exact,
+from gearstab.certificates.balls import (
+    ROUNDING,
+    SPARE,
+    UP,
+    Array,
+    Ball,
     exponential,
-    identity,
-    moving,
-    near,
+    known,
+    plus,
+    positive,
     product,
-    pulled_back,
     size,
+    total,
 )
+from gearstab.certificates.choices import coordinates
+from gearstab.certificates.equations import Enclosed, Flow
 
-Array = np.ndarray
-Key = tuple[int, float]
-
-PRECISION, DEGREE, GENTLE, COUNTED, CARRIED = 64, 4, 0.1, -1.0, -2.0
-"""Bits of midpoints; degree of Taylor polynomials, sum of |B| below which it is 2; rates of Theorems 3 and 4."""
-LONGEST, MOST, ENDLESS = 0.4, 16, 1000.0
-"""Sum of |B|, and number, beyond which a part ends: radii grow with each segment. Sum of |B| of too long a piece."""
-
-
-@dataclass(frozen=True)
-class Flow:
-    """A of each state; of each segment its state and f_s; cycles N; form Q, None where something is damped.
-
-    following: of each state (A_1, A_2) where matrices follow the speed: the generators are then A_0.
-    """
-
-    generators: Sequence[arb_mat]
-    states: Sequence[int]
-    fractions: Sequence[float]
-    cycles: float
-    form: arb_mat | None
-    following: Sequence[tuple[arb_mat, arb_mat]] = ()
-
-
-@dataclass(frozen=True)
-class Step:
-    """The flow of a segment, times exp(z slope) where there is a slope B; span: by how much it changes in a piece."""
-
-    flow: Sequence[arb_mat]
-    slope: arb_mat | None
-    span: arb
+DEGREE, GENTLE, COUNTED, CARRIED = 4, 0.05, -1.0, -2.0
+"""Degree of polynomials; sum of |B| below which it is 2; rates of Theorems 3 and 4."""
+LONGEST, ENDLESS, AT_ONCE = 1.2, 1000.0, 2**22
+"""Sum of |B| beyond which a part ends, and of too long a piece; numbers that are multiplied at once."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +84,6 @@ class Certificate:
 
 def proves(flow: Flow, piece: Certificate) -> bool:
     """Whether the claim of a piece is proved; False for everything else, be the piece malformed."""
-    ctx.prec = PRECISION
     m, shape = flow.generators[0].nrows(), np.shape(piece.coordinates)
     numbers = np.concatenate([[piece.low, piece.high, piece.rate], np.ravel(piece.coordinates), piece.separators])
     if shape != (m, m) or not np.isfinite(numbers).all() or not 0 < piece.low <= piece.high:
@@ -117,84 +91,94 @@ def proves(flow: Flow, piece: Certificate) -> bool:
     if not 0 <= piece.outside <= m or not (piece.rate >= 1 if piece.outside else 0 <= piece.rate <= 1):
         return False
     try:
-        # In coordinates of X_1; segments that are alike once.
-        start, keys = exact(piece.coordinates), [*zip(flow.states, flow.fractions, strict=True)]
-        steps, degree = (_by_speed if flow.following else _by_period)(flow, piece, start, keys)
-        proof = _grows_or_decays if piece.rate else _keeps_a_form
-        return proof(flow, piece, [steps[key] for key in keys], degree) if degree else False
+        with np.errstate(all="ignore"):
+            own = flow.enclosed(piece.low)
+            steps, span = (_by_speed if flow.following else _by_period)(flow, own, piece)
+            proof = _grows_or_decays if piece.rate else _keeps_a_form
+            return span < ENDLESS and proof(flow, own, piece, steps, span)
     except (ZeroDivisionError, np.linalg.LinAlgError):  # a matrix that may be singular
         return False
 
 
-def _by_period(flow: Flow, piece: Certificate, start: arb_mat, keys: list[Key]) -> tuple[dict[Key, Step], int]:
-    """exp(f A T_0) and B of each sort of segments, and the degree of polynomials in z; 0 of too long a piece."""
-    turn, back = 2 * arb.pi() * arb(flow.cycles), start.inv()
-    middle, half = centre(turn / arb(piece.high), turn / arb(piece.low))
-    own = [back * generator * start for generator in flow.generators]
-    slopes = {(s, f): own[s] * (half * arb(f)) for s, f in keys}
-    sizes = {key: size(slope) for key, slope in slopes.items()}
-    total = sum((sizes[key] for key in keys), arb(0))
-    if not total < ENDLESS:
-        return {}, 0
-    steps = {(s, f): Step([(own[s] * (middle * arb(f))).exp()], slopes[s, f], sizes[s, f]) for s, f in slopes}
-    return steps, DEGREE if total > GENTLE else 2
+def _by_period(flow: Flow, own: Enclosed, piece: Certificate) -> tuple[Ball, float]:
+    """exp(f A T) = exp(f A T_0) exp(z B) of each sort of segments, and the sum of |B| over all."""
+    states, fractions, sorts = flow.sorts
+    first, last = (2 * np.pi * flow.cycles / omega for omega in (piece.high, piece.low))
+    half = UP * (last - first) / 2 + SPARE * ROUNDING * last
+    terms, radii, f = own.terms[states], own.radii[states], fractions[:, None, None]
+    slopes = total(f * np.array([[0.0], [half]]), terms, radii)
+    span = float(size(slopes.centre[:, 1])[sorts].sum())
+    if not span < ENDLESS:
+        return slopes, np.inf
+    middle = exponential(total(f * (first + last) / 2, terms, radii), 0)
+    degree = DEGREE if span > GENTLE else 2
+    return product(middle, exponential(slopes, degree), degree), span
 
 
-def _by_speed(flow: Flow, piece: Certificate, start: arb_mat, keys: list[Key]) -> tuple[dict[Key, Step], int]:
-    """exp(f 2 pi N A(u)) of each sort of segments as a polynomial in z, and its degree; 0 of too long a piece."""
-    steps, back = {}, start.inv()
-    middle, half = centre(1 / arb(piece.high), 1 / arb(piece.low))
-    for s, f in set(keys):
-        turn = 2 * arb.pi() * arb(flow.cycles) * arb(f)
-        a, b, c = (back * part * start * turn for part in (flow.generators[s], *flow.following[s]))
-        exponent = [a + (b + c * middle) * middle, (b + c * middle * 2) * half, c * (half * half)]
-        sizes = [size(part) for part in exponent]
-        if not sizes[0] + sizes[1] + sizes[2] < ENDLESS:
-            return {}, 0
-        steps[s, f] = Step(exponential(exponent, DEGREE), None, sizes[1])
-    return steps, DEGREE
+def _by_speed(flow: Flow, own: Enclosed, piece: Certificate) -> tuple[Ball, float]:
+    """exp(f 2 pi N A(u)) of each sort of segments, and the sum of |B| over all."""
+    states, fractions, sorts = flow.sorts
+    first, last = 1 / piece.high, 1 / piece.low
+    middle, half = (first + last) / 2, UP * (last - first) / 2 + SPARE * ROUNDING * last
+    powers = np.array([[1.0, middle, middle**2], [0.0, half, 2 * middle * half], [0.0, 0.0, half**2]])
+    turn = 2 * np.pi * flow.cycles * fractions[:, None, None]
+    exponent = total(turn * powers, own.terms[states], own.radii[states])
+    sizes = size(exponent.centre)[sorts].sum(axis=0)
+    return (exponential(exponent, DEGREE), sizes[1:].sum()) if sizes.sum() < ENDLESS else (exponent, np.inf)
 
 
-def _grows_or_decays(flow: Flow, piece: Certificate, steps: list[Step], degree: int) -> bool:
-    """Theorem 1, from the end of the period to its beginning."""
-    signs = np.where(np.arange(len(piece.coordinates)) < piece.outside, 1.0, -1.0)
-    form, rate = exact(np.diag(signs)), arb(piece.rate)
-    middles = {id(step): near(step.flow[0]) for step in steps}
-    here = [exact(x) for x in coordinates([middles[id(s)] for s in steps], flow.fractions, signs, piece.rate)]
-    back = [x.inv() for x in here]
-    terms, share, span, count = [form], arb(0), arb(0), 0  # of a part
-    for s in reversed(range(len(steps))):
-        own = [back[(s + 1) % len(back)] * part * here[s] for part in steps[s].flow]
-        if (slope := steps[s].slope) is not None:
-            slope = back[s] * slope * here[s]
-        terms, span = pulled_back(terms, own, slope, degree), span + (steps[s].span if slope is None else size(slope))
-        share, count = share + arb(flow.fractions[s]), count + 1
-        if s == 0 or count == MOST or span > LONGEST:
-            if not _definite_throughout([terms[0] - form * rate**share, *terms[1:]]):
-                return False
-            terms, share, span, count = [form], arb(0), arb(0), 0
-    return True
+def _parts(flow: Flow, steps: Ball, span: float) -> tuple[Ball, Array]:
+    """Products of 2, 4, 8, ... segments that follow each other, and their shares of the period.
+
+    The last part is filled up with unit matrices.
+    """
+    count, degree, unit = len(flow.states), steps.centre.shape[1] - 1, np.zeros((1, *steps.centre.shape[1:]))
+    unit[0, 0] = np.eye(unit.shape[-1])
+    length = 2 ** int(np.ceil(np.log2(count)))
+    while length > 1 and (length * unit.size > AT_ONCE or span * min(1.0, length / count) > LONGEST):
+        length //= 2
+    every = Ball(np.concatenate([steps.centre, unit]), np.append(steps.radius, 0.0))
+    parts = np.pad(flow.sorts[2], (0, -count % length), constant_values=len(steps.radius)).reshape(-1, length)
+    found = []
+    for some in np.array_split(parts, -(-parts.size * unit.size // AT_ONCE)):
+        own = every[some]
+        while own.radius.shape[1] > 1:
+            own = product(own[:, 1::2], own[:, ::2], degree)
+        found.append(own[:, 0])
+    whole = Ball(np.concatenate([own.centre for own in found]), np.concatenate([own.radius for own in found]))
+    return whole, np.add.reduceat(flow.fractions, np.arange(0, count, length))
 
 
-def _keeps_a_form(flow: Flow, piece: Certificate, steps: list[Step], degree: int) -> bool:
-    """Theorem 2."""
+def _grows_or_decays(flow: Flow, own: Enclosed, piece: Certificate, steps: Ball, span: float) -> bool:
+    """Theorem 1."""
+    signs = np.where(np.arange(len(own.modes)) < piece.outside, 1.0, -1.0)
+    parts, shares = _parts(flow, steps, span)
+    start, decay = np.linalg.solve(own.modes, piece.coordinates), flow.decay(own, piece.low)
+    here = np.array(coordinates(parts.centre[:, 0], shares, signs, piece.rate, start, decay))  # X_i
+    back = np.linalg.inv(here)  # Y_i
+    off = size(back @ here - np.eye(len(signs))) + (len(signs) + SPARE) * ROUNDING * size(back) * size(here)
+    if not (off < 0.5).all():
+        return False
+    degree = parts.centre.shape[1] - 1
+    moved = product(known(np.roll(back, -1, axis=0)), product(parts, known(here), degree), degree)
+    rates = (np.maximum if piece.outside else np.minimum)(piece.rate**shares, 1.0)
+    form = product(Ball(moved.turned.centre * signs, moved.radius), moved, 2 * degree)
+    return positive(plus(form, Ball(rates[:, None, None, None] * np.diag(-signs), UP * rates * off * (2 + off))))
+
+
+def _keeps_a_form(flow: Flow, own: Enclosed, piece: Certificate, steps: Ball, span: float) -> bool:
+    """Theorem 2; the span, by which a piece changes, needs no parts."""
     if flow.form is None:
         return False
-    start, unit = exact(piece.coordinates), identity(len(piece.coordinates))
-    form, period = start.transpose() * flow.form * start, [unit]
-    for step in steps:
-        period = product(moving(step.flow, step.slope, degree), period, degree)
-    turned, inverse = [form * term for term in period], form.inv()
-    total = [term - inverse * other.transpose() for term, other in zip(period, turned, strict=True)]
-    found = [term + term.transpose() for term in turned]
+    start = known(np.linalg.solve(own.modes, piece.coordinates))
+    parts, shares = _parts(flow, steps, 0 * span)
+    period = reduce(lambda whole, part: product(part, whole, DEGREE), [parts[i] for i in range(len(shares))])
+    form, inverse = (Ball(matrix[None], radius) for matrix, radius in zip(own.forms, own.form_radii, strict=True))
+    moved = product(form, period, DEGREE)
+    back = product(inverse, moved.turned, DEGREE)
+    turns = plus(period, Ball(-back.centre, back.radius))
+    found = plus(moved, moved.turned)
     for zero in piece.separators:
-        found = product(found, [total[0] - unit * arb(zero), *total[1:]], degree)
-    return _definite_throughout([term * (1 if found[0][0, 0] > 0 else -1) for term in found])
-
-
-def _definite_throughout(terms: list[arb_mat]) -> bool:
-    """Whether a polynomial with symmetric coefficients, of degree 2 or more, is positive definite on [-1, 1]."""
-    constant, linear, square = terms[0], terms[1], terms[2]
-    for k, term in enumerate(terms[3:], start=1):
-        square = square + term * (arb(0, 1) if k % 2 else (arb(0, 1) + 1) / 2)
-    return all(map(definite, (constant - linear + square, constant - square, constant + linear + square)))
+        found = product(found, plus(turns, known(-zero * np.eye(len(own.modes)))), DEGREE)
+    found = product(product(start.turned, found, DEGREE), start, DEGREE)
+    return positive(Ball(found.centre * np.sign(found.centre[0, 0, 0]), found.radius))

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.certificates.equations import Segments, flow
-from gearstab.certificates.making import Maker
+from gearstab.certificates.equations import Flow, Segments, flow
+from gearstab.certificates.making import claimed
 from gearstab.certificates.proof import Proof, unpacked
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import union_length
@@ -119,15 +119,15 @@ def _points(planned: Plan, found: xr.Dataset) -> list[CertifiedRow]:
     for place, named, system in _systems(planned, found):
         index = {name: np.array([k]) for name, k in zip(planned.rows, place, strict=True)}
         omega = np.ravel(planned.mesh_frequency(index, np.arange(planned.fast.size if planned.fast else 1)))
-        there, maker = np.atleast_1d(marks[place]) != 0, Maker(flow(system), 0.0)
+        there, known = np.atleast_1d(marks[place]) != 0, flow(system)
         claims = zip(omega[there].tolist(), np.atleast_1d(stable[place])[there].tolist(), strict=True)
-        rows.append(CertifiedRow(named, system, [_point(maker, *claim) for claim in claims], len(omega)))
+        rows.append(CertifiedRow(named, system, [_point(known, *claim) for claim in claims], len(omega)))
     return rows
 
 
-def _point(maker: Maker, omega: float, stable: int) -> Certificate:
+def _point(known: Flow, omega: float, stable: int) -> Certificate:
     """A certificate of what is said of a point; one that nobody can prove where its multipliers say otherwise."""
-    piece = maker.proposal(omega, omega)
+    piece = claimed(known, omega, omega)
     if piece is not None and (piece.outside == 0) == bool(stable):
         return piece
     return Certificate(omega, omega, 0 if stable else 1, 1.0, np.zeros((1, 1)))

@@ -11,13 +11,13 @@ import pytest
 pytest.importorskip("flint")
 
 from flint import arb, arb_poly, ctx
-from test_verifier import SYSTEMS, covered, edge, meissner, multipliers, turning
+from test_verifier import SYSTEMS, edge, meissner, multipliers, pieces_of, turning
 
 from gearstab.certificates import counting, roots
 from gearstab.certificates.counting import Counter
-from gearstab.certificates.equations import flow
+from gearstab.certificates.equations import Flow, flow
 from gearstab.certificates.proof import LONG, Proof, counter
-from gearstab.certificates.verifier import COUNTED, Certificate, Flow
+from gearstab.certificates.verifier import COUNTED, Certificate
 
 COUNTABLE = sorted(name for name in SYSTEMS if SYSTEMS[name].following is None)
 
@@ -38,7 +38,7 @@ def counted(name: str) -> tuple[Flow, Counter]:
 def test_both_theorems_and_multipliers_agree(name: str) -> None:
     """Nearly all that a form proves is proved by counting, too; where something is damped, the number is known."""
     known, found = counted(name)
-    pieces = covered(name)[1]
+    pieces = pieces_of(name)[1]
     told = 0
     for piece in pieces:
         outside = found.outside(piece.low, piece.high)
@@ -132,7 +132,7 @@ def test_intervals_reach_up_to_the_edge(damping: float) -> None:
 def test_a_forged_claim_without_coordinates_is_refused(number: int) -> None:
     random = np.random.default_rng(100 + number)
     name = ("train", "undamped train", "rotor", "damped meissner", "meissner")[number // 5 % 5]
-    known, pieces = covered(name)
+    known, pieces = pieces_of(name)
     changes = [k for k in range(1, len(pieces)) if (pieces[k].outside > 0) != (pieces[k - 1].outside > 0)]
     k = int(random.choice(changes))
     before, after = (claim(p.low, p.high, int(p.outside > 0)) for p in (pieces[k - 1], pieces[k]))

@@ -14,6 +14,7 @@ pytest.importorskip("flint")
 from test_verifier import SYSTEMS, at, edge, meissner, multipliers, turning
 
 from gearstab.certificates import lyapunov
+from gearstab.certificates.balls import definite
 from gearstab.certificates.carried import Carried
 from gearstab.certificates.equations import flow
 from gearstab.certificates.lyapunov import decays
@@ -132,7 +133,7 @@ def test_a_matrix_is_definite_only_if_it_is_by_more_than_its_error() -> None:
     basis = np.linalg.qr(random.standard_normal((9, 9)))[0]
     for least, error, answer in ((1e-6, 1e-7, True), (1e-6, 1e-6, False), (-1e-14, 0.0, False), (1e-12, 0.0, True)):
         matrix = (basis * np.array([least, *np.linspace(1, 9, 8)])) @ basis.T
-        assert lyapunov._definite(0.5 * (matrix + matrix.T)[None], np.array([error])) == answer
+        assert definite(0.5 * (matrix + matrix.T)[None], np.array([error])) == answer
 
 
 def test_a_referee_reads_two_hundred_lines() -> None:

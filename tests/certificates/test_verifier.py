@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from inspect import getsource
 
 import numpy as np
@@ -13,11 +13,12 @@ from scipy.linalg import expm
 
 pytest.importorskip("flint")
 
-from gearstab.certificates import carried, choices, counting, equations, lyapunov, polynomials, proof, roots, verifier
-from gearstab.certificates.equations import Segments, flow
-from gearstab.certificates.making import Maker
-from gearstab.certificates.polynomials import near
-from gearstab.certificates.verifier import Certificate, Flow, proves
+from gearstab.certificates import balls, carried, choices, counting, equations, lyapunov, proof, roots, verifier
+from gearstab.certificates.balls import near
+from gearstab.certificates.covering import FIRST, by_a_form, covered
+from gearstab.certificates.equations import Flow, Segments, flow
+from gearstab.certificates.making import claimed
+from gearstab.certificates.verifier import Certificate, proves
 
 GYROSCOPIC = np.array([[0.0, -1.0], [1.0, 0.0]])
 
@@ -106,14 +107,14 @@ def multipliers(known: Flow, omega: float) -> np.ndarray:
 
 
 @cache
-def covered(name: str) -> tuple[Flow, tuple[Certificate, ...]]:
+def pieces_of(name: str) -> tuple[Flow, tuple[Certificate, ...]]:
     known = flow(SYSTEMS[name])
-    return known, tuple(Maker(known, 1e-4).cover(1.2, 2.6))
+    return known, tuple(covered(1.2, 2.6, 1e-4, partial(by_a_form, known), FIRST))
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_nearly_the_whole_range_is_proved_and_multipliers_agree(name: str) -> None:
-    pieces = covered(name)[1]
+    pieces = pieces_of(name)[1]
     length = sum(np.log(piece.high / piece.low) for piece in pieces)
     assert length > 0.99 * np.log(2.6 / 1.2)
     assert {piece.outside > 0 for piece in pieces} >= ({False} if name in CALM else {False, True})
@@ -139,10 +140,9 @@ def edge(epsilon: float, low: float, high: float) -> float:
 
 def test_pieces_end_at_the_edge_that_is_known_in_closed_form() -> None:
     known, where = flow(meissner()), edge(0.3, 1.6, 1.95)
-    maker = Maker(known, 1e-6)
     for sign, outside in ((-1, 0), (1, 1)):
         near_end, far = where * (1 + 1e-5 * sign), where * (1 + 2e-5 * sign)
-        piece = maker.proposal(min(near_end, far), max(near_end, far))
+        piece = claimed(known, min(near_end, far), max(near_end, far))
         assert piece is not None
         assert piece.outside == outside
         assert proves(known, piece)
@@ -158,7 +158,7 @@ FORGERS = ("moved over an edge", "other claim", "coordinates of another piece", 
 def test_a_forged_certificate_is_refused(number: int) -> None:
     random = np.random.default_rng(number)
     name = ("train", "undamped train", "rotor", "damped meissner", "meissner")[number // 5 % 5]
-    known, pieces = covered(name)
+    known, pieces = pieces_of(name)
     changes = [k for k in range(1, len(pieces)) if (pieces[k].outside > 0) != (pieces[k - 1].outside > 0)]
     k = int(random.choice(changes))
     before, after = pieces[k - 1], pieces[k]
@@ -187,19 +187,19 @@ def test_a_claim_at_another_speed_proves_nothing() -> None:
     """By what turns with it the shaft grows by itself at twice the speed: no claim of decay holds for it."""
     slow = flow(turning(0.01, 0.3))
     fast = turning(0.01, 0.3, 1.0)
-    piece = next(iter(Maker(slow, 1e-4).cover(2.0, 2.1)))
+    piece = next(covered(2.0, 2.1, 1e-4, partial(by_a_form, slow)))
     assert piece.outside == 0
     assert proves(slow, piece)
     assert multipliers(flow(at(fast, 2.0)), 2.0)[0] > 1.01
     assert not proves(flow(fast), piece)
-    grows = next(iter(Maker(flow(fast), 1e-4).cover(2.0, 2.1)))
+    grows = next(covered(2.0, 2.1, 1e-4, partial(by_a_form, flow(fast))))
     assert grows.outside > 0
     assert not proves(slow, grows)
 
 
 def test_a_rate_on_the_wrong_side_of_one_proves_nothing() -> None:
     """Growth by more than a factor below 1 is no growth, decay to less than a factor above 1 no decay."""
-    known, pieces = covered("train")
+    known, pieces = pieces_of("train")
     stable, unstable = (next(p for p in pieces if (p.outside > 0) == grows) for grows in (False, True))
     assert not proves(known, replace(stable, rate=1.01))
     assert not proves(known, replace(unstable, rate=0.99))
@@ -207,7 +207,7 @@ def test_a_rate_on_the_wrong_side_of_one_proves_nothing() -> None:
 
 
 def test_a_system_with_damping_keeps_no_form() -> None:
-    known, pieces = covered("undamped train")
+    known, pieces = pieces_of("undamped train")
     piece = next(p for p in pieces if p.outside == 0)
     assert proves(known, piece)
     assert not proves(flow(train(damping=1e-6)), piece)
@@ -245,7 +245,7 @@ def test_any_choice_of_coordinates_proves_nothing_false(number: int, monkeypatch
     random = np.random.default_rng(number)
     chosen = [random.standard_normal((6, 6)) for _ in range(2)]
     monkeypatch.setattr(verifier, "coordinates", lambda *_: chosen)
-    known, pieces = covered("train")
+    known, pieces = pieces_of("train")
     piece = pieces[int(random.integers(len(pieces)))]
     other = replace(piece, outside=1, rate=1.0) if piece.outside == 0 else replace(piece, outside=0, rate=1.0)
     assert not proves(known, other)
@@ -259,13 +259,23 @@ def test_the_proof_imports_nothing_of_the_program() -> None:
     """The verifier needs python-flint, NumPy, a chooser of coordinates and polynomials of matrices; what makes its
     matrices the verifier.
     """
-    library = {"__future__", "collections.abc", "dataclasses", "functools", "math", "numpy", "flint", "typing"}
-    names = ("choices", "verifier", "polynomials", "roots", "counting", "carried", "lyapunov")
-    choosing, proving, algebra, zeros, numbers, forms, falling = (f"gearstab.certificates.{name}" for name in names)
+    library = {
+        "__future__",
+        "collections.abc",
+        "dataclasses",
+        "fractions",
+        "functools",
+        "math",
+        "numpy",
+        "flint",
+        "typing",
+    }
+    names = ("choices", "balls", "equations", "verifier", "roots", "counting", "carried", "lyapunov")
+    choosing, algebra, matrices, proving, zeros, numbers, forms, falling = (f"gearstab.certificates.{n}" for n in names)
     table = (
-        (choices, set()), (polynomials, set()), (roots, set()), (verifier, {choosing, algebra}),
-        (equations, {proving, algebra}), (counting, {choosing, algebra, zeros, proving}), (carried, set()),
-        (lyapunov, {choosing, forms, algebra, proving}), (proof, {numbers, falling, proving}),
+        (choices, set()), (balls, set()), (roots, set()), (equations, {choosing, algebra}),
+        (verifier, {choosing, algebra, matrices}), (counting, {choosing, algebra, zeros, matrices}), (carried, set()),
+        (lyapunov, {forms, algebra, matrices}), (proof, {numbers, falling, matrices, proving}),
     )  # fmt: skip
     for module, allowed in table:
         nodes = [node for node in ast.walk(ast.parse(getsource(module))) if isinstance(node, KINDS)]
@@ -279,9 +289,8 @@ def test_a_long_period_in_which_much_decays_is_proved() -> None:
     random = np.random.default_rng(1)
     stiffness = [np.diag([1.0, 400.0]) * (1 + 0.05 * random.standard_normal()) + 0.01 for _ in range(40)]
     known = flow(segments(stiffness, random.dirichlet(np.ones(40)).tolist(), np.diag([0.02, 0.4])))
-    maker = Maker(known, 1e-4)
     assert multipliers(known, 0.05)[0] / multipliers(known, 0.05)[-1] > 1e8
-    piece = maker.proposal(0.05, 0.05 * 1.001)
+    piece = claimed(known, 0.05, 0.05 * 1.001)
     assert piece is not None
     assert proves(known, piece)
     assert not proves(known, replace(piece, outside=1))
@@ -301,7 +310,7 @@ def test_a_common_period_of_thousands_of_segments_is_proved() -> None:
     states = (2 * (levels[0] < 1) + (levels[1] < 1)).tolist()
     known = flow(replace(base, states=states, fractions=np.diff(edges).tolist(), cycles=997.0))
     assert len(known.states) > 4000
-    (piece,) = Maker(known, 1e-4).cover(2.5, 2.51)
+    (piece,) = covered(2.5, 2.51, 1e-4, partial(by_a_form, known))
     assert (piece.low, piece.high, piece.outside) == (2.5, 2.51, 0)
     for omega in (2.5, 2.51):
         assert multipliers(known, omega)[0] < 1
@@ -309,6 +318,6 @@ def test_a_common_period_of_thousands_of_segments_is_proved() -> None:
 
 
 def test_a_piece_without_end_is_refused_at_once() -> None:
-    known, pieces = covered("train")
+    known, pieces = pieces_of("train")
     assert not proves(known, replace(pieces[0], low=1e-300))
     assert not proves(known, replace(pieces[0], high=1e300))
