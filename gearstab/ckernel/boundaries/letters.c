@@ -10,6 +10,7 @@
 #include "search.h"
 
 #define TIE 1e-12    /* of angles, in the count of collisions: a pair off the circle counts as met */
+#define BLUR 1e-4    /* of half turns: far beyond rounding, even where phases near 1 are roots of it */
 #define MIRROR 1e-10 /* distance of several real pairs in that count */
 
 enum what { ON, REAL_ONE, REAL_MINUS_ONE, COMPLEX, BROKEN };
@@ -161,10 +162,17 @@ int64_t signs_below(const struct sample *s, double angle) {
     return sum;
 }
 
-/* N(0) of a point between two others, from N(theta; left) <= N(theta) <= N(theta; right) for all theta and its parity;
-   INT64_MIN if that does not settle it, INT64_MIN + 1 if nothing fits. */
+/* What N(0) is even or odd with. */
+static int64_t parity_of(const struct sample *s, int64_t n) {
+    for (int m = 0; m < s->offs; m++)
+        n += s->off[m].place == AT_ONE;
+    return n;
+}
+
+/* N(0) of a point between two others, from N(theta; left) <= N(theta) <= N(theta; right) for all theta and its parity; UNSETTLED if
+   several numbers fit, or none. */
 int64_t index_between(const struct sample *left, const struct sample *right, const struct sample *s, int64_t n) {
-    int64_t low = left->index, high = right->index, l = 0, r = 0, own = 0, parity = n;
+    int64_t low = left->index, high = right->index, l = 0, r = 0, own = 0, parity = parity_of(s, n);
     int i = 0, j = 0, k = 0;
     /* Through all angles: i, j, k letters are passed. */
     while (i < left->letters || j < right->letters || k < s->letters) {
@@ -184,11 +192,9 @@ int64_t index_between(const struct sample *left, const struct sample *right, con
         low = left->index + l - own > low ? left->index + l - own : low;
         high = right->index + r - own < high ? right->index + r - own : high;
     }
-    for (int m = 0; m < s->offs; m++)
-        parity += s->off[m].place == AT_ONE;
     low += (low - parity) & 1;
     high -= (high - parity) & 1;
-    return low == high ? low : low < high ? UNSETTLED : CONTRADICTION;
+    return low == high ? low : UNSETTLED;
 }
 
 /* Phases in [0, 2 pi) of the n positive multipliers. Pairs off the circle count as sitting on it at their angle; several on
@@ -208,6 +214,29 @@ static void positive_phases(const struct sample *s, double *phase) {
             phase[count++] = (place == AT_ONE ? 0.0 : PI) + MIRROR * (seen[place]++ - 0.5 * (of_place[place] - 1));
         }
     }
+}
+
+/* The sum of the phases of all positive multipliers with their turns, of which index has counted. */
+static double turned(const struct sample *s, int64_t n, int64_t index, double *phase) {
+    double sum = PI * (double)(index - n);
+    positive_phases(s, phase);
+    for (int64_t i = 0; i < n; i++)
+        sum += phase[i];
+    for (int m = 0; m < s->offs; m++)
+        sum += s->off[m].place == AT_ONE ? PI : 0.0;
+    return sum;
+}
+
+/* N(0) of a point between two others from the sum of all phases: on the circle each grows, and pairs off it add the same, whatever
+   their angle. UNSETTLED if a turn more or less fits as well. phase: room for n numbers. */
+int64_t index_by_turns(const struct sample *left, const struct sample *right, const struct sample *s, int64_t n,
+                       double *phase) {
+    double own = turned(s, n, 0, phase), low = turned(left, n, left->index, phase), high = turned(right, n, right->index, phase);
+    int64_t least = (int64_t)ceil((low - own) / PI - BLUR), most = (int64_t)floor((high - own) / PI + BLUR);
+    int64_t parity = parity_of(s, n);
+    least += (least - parity) & 1;
+    most -= (most - parity) & 1;
+    return least == most ? least : UNSETTLED;
 }
 
 /* Collisions so far at 1, at -1 and elsewhere; of pairs off the circle as met, or not. phase: room for n numbers.

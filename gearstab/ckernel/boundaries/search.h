@@ -49,8 +49,7 @@ struct item {
     double angle, growth;
 };
 
-#define UNSETTLED INT64_MIN           /* answers of index_between */
-#define CONTRADICTION (INT64_MIN + 1)
+#define UNSETTLED INT64_MIN /* an answer of index_between and index_by_turns */
 
 #define ROUNDING 0x1p-46 /* 64 eps: errors of rho per size of M, see spectra.h */
 #define LARGEST 1e6 /* entries of M above this leave less than ten digits to multipliers on the unit circle */
@@ -59,6 +58,8 @@ void sample_read(struct sample *sample, int64_t n, double step, const double *an
                  const double *later_angle, const double *later_growth, struct item *room, int *position);
 int64_t signs_below(const struct sample *sample, double angle);
 int64_t index_between(const struct sample *left, const struct sample *right, const struct sample *sample, int64_t n);
+int64_t index_by_turns(const struct sample *left, const struct sample *right, const struct sample *sample, int64_t n,
+                       double *phase);
 void collisions_of(const struct sample *sample, int64_t n, int met, double *phase, int64_t *of_place);
 
 /* ---- brackets.c: what lies between two points */
