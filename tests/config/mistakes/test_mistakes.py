@@ -14,7 +14,7 @@ from scenes import CONFIGS, DATA, ran, read, scene_text, written
 
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.model.values import LARGEST_NUMBER, LARGEST_RATIO, SMALLEST_NUMBER
-from gearstab.config.sections.methods import check_options
+from gearstab.config.readers import check_options
 
 TABLES = sorted((DATA / "config" / "mistakes").glob("*.toml"))
 SCENES = [
