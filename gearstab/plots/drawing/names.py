@@ -62,19 +62,20 @@ def anchors(tongues: DrawnTongues, low: float, high: float, logarithmic: bool = 
     """Where each tongue meets the end of its parameter axis.
 
     Returns (middle of the tongue as a part of the frame, position along the parameter axis, weight) for every tongue:
-    at the last row where it is visible. The weight is its greatest width; tongues not worth a name have 0.
+    at the last row where it is visible. The weight is its greatest width; tongues not worth a name have 0. Of a curve,
+    which shows the growth of every region, none is too narrow.
     """
     if logarithmic:
         tongues = DrawnTongues(np.log(tongues.edges), tongues.labels, tongues.parameter)
         low, high = np.log(low), np.log(high)
     part = tongues.inside(low, high)
     width = np.nan_to_num(part[:, 1] - part[:, 0])
-    weight = width.max(axis=-1)
-    seen = width > 0.5 * INVISIBLE
+    weight, least = width.max(axis=-1), INVISIBLE if tongues.parameter.name else 0.0
+    seen = width > 0.5 * least
     last = seen.shape[1] - 1 - np.argmax(seen[:, ::-1], axis=1)
     rows = np.arange(len(last))
     middle = part[rows, :, last].mean(axis=-1)
-    return middle, tongues.positions[last], np.where(seen.any(axis=1) & (weight > INVISIBLE), weight, 0.0)
+    return middle, tongues.positions[last], np.where(seen.any(axis=1) & (weight > least), weight, 0.0)
 
 
 def name_view(tree: xr.DataTree, ax: Axes, view: View, rows: int = 3) -> NamedTongues:

@@ -142,9 +142,13 @@ CERTIFIED = "#9fc3a5"
 
 
 class ProvedTint(PolyCollection):
-    """Ranges that are proved stable; ``certified``: share of the range with certificates, None without any."""
+    """Ranges that are proved stable; ``certified``: share of the range with certificates, None without any.
+
+    gaps: whether cells beside them are stable too, which stay white.
+    """
 
     certified: float | None = None
+    gaps: bool = False
 
 
 def read_proved(
@@ -221,10 +225,21 @@ def _corners(ends: Array, parameter: FigureAxis | None, frequency_on_x: bool) ->
     return list(corners)
 
 
-def draw_over(tree: xr.DataTree, ax: Axes, view: View) -> ProvedTint | None:
-    """Tint what is proved stable of a map over the mesh frequency and numbers; None where nothing is."""
+def draw_over(tree: xr.DataTree, ax: Axes, view: View, stable: Array | None = None) -> ProvedTint | None:
+    """Tint what is proved stable of a map over the mesh frequency and numbers; None where nothing is.
+
+    stable: the cells over (y, x) that are stable, proved or not; None where none are drawn.
+    """
     found = parameter_axis(view)
-    return draw_proved(tree, ax, view, *found) if found is not None else None
+    tint = draw_proved(tree, ax, view, *found) if found is not None else None
+    ends = read_proved(tree, view, found[0]) if tint is not None and found is not None else None
+    if tint is None or found is None or stable is None or ends is None or view.speed is None:
+        return tint
+    # An odd number of ends below a speed is a stretch that is open; NaN of missing stretches sort behind all speeds.
+    rows = (np.searchsorted(np.sort(row, axis=None), view.speed.ascending) % 2 == 1 for row in np.moveaxis(ends, -1, 0))
+    proved = np.array(list(rows))
+    tint.gaps = bool(np.any(stable & ~(proved if found[1] else proved.T)))
+    return tint
 
 
 def legend_of_proved(tint: ProvedTint | None) -> list[Patch]:
@@ -232,6 +247,8 @@ def legend_of_proved(tint: ProvedTint | None) -> list[Patch]:
     if tint is None:
         return []
     stable = [Patch(facecolor=PROVED, label="proved stable")] if tint.get_paths() else []
+    if tint.gaps:
+        stable.append(Patch(facecolor="white", edgecolor="#b0b0b0", linewidth=0.4, label="stable, not proved"))
     if tint.certified is None:
         return stable
     label = plain(f"certified, {100 * tint.certified:.2f} % of the range")

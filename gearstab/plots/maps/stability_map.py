@@ -109,7 +109,8 @@ def draw_map(
     # Between the cells this contour is a guess, which exact boundaries leave no room for.
     if variable == GROWTH_RATE and artists["boundaries"] is None:
         artists["neutral"] = draw_neutral(tree, ax, view)
-    return artists | {"proved": overlays.draw_over(tree, ax, view) if overlaid else None}
+    stable = np.ma.getmaskarray(values) & ~failed
+    return artists | {"proved": overlays.draw_over(tree, ax, view, stable) if overlaid else None}
 
 
 def draw_neutral(tree: xr.DataTree, ax: Axes, view: MapView) -> object | None:
