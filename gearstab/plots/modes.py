@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import texts, units_of
 from gearstab.plots.drawing import gear_bodies
-from gearstab.plots.drawing.style import CASES, LINE, WIDTHS, new_figure, write_title
+from gearstab.plots.drawing.style import CASES, LINE, WIDTHS, new_panels, write_title
 from gearstab.plots.drawing.text import bracketed, fitted, number_text, plain, unit_text
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.view import Request
@@ -150,8 +150,7 @@ def draw_charts(tree: xr.DataTree, modes: xr.Dataset, kept: list[int], request: 
     wide, room = WIDTHS.get(size, 1.0), max(len(str(name)) for name in names)
     upright = 0.05 * room * len(names) > 0.8 * wide
     below = (0.05 * room if upright else 0.15) + 0.75
-    figure = new_figure(request, (1.0 * len(kept) + below) / wide, size)
-    axes = figure.subplots(len(kept), 1, sharex=True, squeeze=False).ravel()
+    figure, axes = new_panels(request, (1.0 * len(kept) + below) / wide, len(kept), default=size, sharex=True)
     drawn = []
     for ax, p in zip(axes, kept, strict=True):
         drawn.append(draw_chart(ax, modes, p))
@@ -192,14 +191,11 @@ def draw_pictures(tree: xr.DataTree, modes: xr.Dataset, kept: list[int], request
     rows, columns = arrangement(len(kept), ACROSS if size == "double" else 2)
     wide = WIDTHS.get(size, 1.0)  # new_figure says what is wrong with another size
     panel = wide / columns
-    figure = new_figure(request, (rows * (panel + 0.22) + 0.75) / wide, size)
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    figure, grid = new_panels(request, (rows * (panel + 0.22) + 0.75) / wide, len(kept), columns, size)
     pictures = []
-    for ax, p in zip(grid, kept, strict=False):
+    for ax, p in zip(grid, kept, strict=True):
         pictures.append(gear_bodies.draw_mode(ax, modes, p))
         ax.set_title(heading(modes, p), pad=2, linespacing=1.15)
-    for ax in grid[len(kept) :]:
-        ax.remove()
     handles = gear_bodies.legend(pictures[0])
     note = f"Displacements are exaggerated, in every mode to the same largest one.{left_out(modes, kept, request)}"
     figure.legend(
@@ -207,7 +203,7 @@ def draw_pictures(tree: xr.DataTree, modes: xr.Dataset, kept: list[int], request
         title=fitted(note, wide, 7.5), title_fontsize=7.5, alignment="center", columnspacing=1.4, handlelength=1.8,
     )  # fmt: skip
     write_title(figure, tree, request)
-    return figure, {"pictures": pictures, "axes": list(grid[: len(kept)])}
+    return figure, {"pictures": pictures, "axes": grid}
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from gearstab.errors import PlotError
 from gearstab.plots.axes import mesh_numbers
 from gearstab.plots.design.objective import GIVEN, NAME, OPTIMUM, design_of, objective_label, symbol_of
-from gearstab.plots.drawing.style import LINE, SHADE, new_figure, write_legend, write_title
+from gearstab.plots.drawing.style import LINE, SHADE, new_panels, write_legend, write_title
 from gearstab.plots.drawing.text import axis_label, tongue_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.view import Request
@@ -40,9 +40,9 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
     if "speed_growth_rate" not in data:
         raise PlotError("this design has no growth rates: its meshes have no common period")
     regions = "region_frequency" in data
-    figure = new_figure(request, (1.0, 0.62) if regions else (0.7, 0.5), "double")
-    axes = figure.subplots(2 if regions else 1, sharex=True, height_ratios=[2.2, 1] if regions else None, squeeze=False)
-    top: Axes = axes[0, 0]
+    aspects, heights = ((1.0, 0.62), [2.2, 1.0]) if regions else ((0.7, 0.5), [1.0])
+    figure, axes = new_panels(request, aspects, len(heights), default="double", sharex=True, height_ratios=heights)
+    top = axes[0]
     speed, words = data["speed"].values, words_of(data)
     shown = next((name for name in OBJECTIVES if f"speed_{name}" in data), "growth_rate")
     curves = data[f"speed_{shown}"]
@@ -54,16 +54,16 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
     top.set_xlim(speed[0], speed[-1])
     top.set_ylabel(axis_label(shown, shown.replace("_", " "), str(curves.attrs.get("units", "1"))))
     artists: dict[str, Any] = {"lines": lines, "bars": [], "names": [], "range": []}
-    for ax in axes[:, 0]:
+    for ax in axes:
         artists["range"] += [
             ax.axvspan(low, high, color=SHADE, alpha=0.6, zorder=0, linewidth=0)
             for low, high in data["range_frequency"].values[:, :, -1]
         ]
     if regions:
-        draw_regions(axes[1, 0], tree, data, artists)
+        draw_regions(axes[1], tree, data, artists)
     said = data["speed"].attrs
     name = str(said.get("long_name", "mesh frequency"))
-    axes[-1, 0].set_xlabel(axis_label(name.replace(" ", "_"), name, str(said.get("units", "1"))))
+    axes[-1].set_xlabel(axis_label(name.replace(" ", "_"), name, str(said.get("units", "1"))))
     shaded = Patch(facecolor=SHADE, alpha=0.6, label="speeds that count")
     write_legend(figure, [*lines, shaded] if artists["range"] else lines)
     write_title(figure, tree, request)
@@ -124,15 +124,13 @@ def draw_front(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, A
     pairs = list(combinations(range(objectives.shape[1]), 2))
     picked = labelled(objectives)
     columns = min(3, ceil(np.sqrt(len(pairs) + 1))) if request.wide("double") else 1
-    rows = ceil((len(pairs) + 1) / columns)
-    figure = new_figure(request, 0.1 + (0.8 if columns > 1 else 0.65) * rows / columns, "double")
-    axes = np.ravel(figure.subplots(rows, columns, squeeze=False))
+    aspect = 0.1 + (0.8 if columns > 1 else 0.65) * ceil((len(pairs) + 1) / columns) / columns
+    figure, axes = new_panels(request, aspect, len(pairs) + 1, columns, "double")
     artists: dict[str, Any] = {"fronts": [], "labels": [], "marks": {}}
     for ax, (i, j) in zip(axes, pairs, strict=False):
         draw_pair(ax, data, i, j, picked, artists)
-    for ax in axes[len(pairs) :]:
-        ax.set_axis_off()
-    last = axes[len(pairs)]
+    last = axes[-1]
+    last.set_axis_off()
     artists["list"] = last.text(0.0, 1.0, listed(tree, data, picked), va="top", fontsize=6.5, linespacing=1.35,
                                 transform=last.transAxes)  # fmt: skip
     write_legend(figure, list(artists["marks"].values()))

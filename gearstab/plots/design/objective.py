@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import mesh_numbers
-from gearstab.plots.drawing.style import GROWTH, LINE, new_figure, write_legend, write_title
+from gearstab.plots.drawing.style import GROWTH, LINE, new_figure, new_panels, write_legend, write_title
 from gearstab.plots.drawing.text import axis_label, bracketed, fitted, path_words, plain, short_label
 from gearstab.plots.kinds import Kind
 from gearstab.plots.view import Request
@@ -64,22 +64,18 @@ def draw_contour(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str,
     alone = len(pairs) == 1
     wide = request.wide("single" if alone else "double")
     columns = min(len(pairs), 3 if wide else 2)
-    rows = ceil(len(pairs) / columns)
-    height = 0.9 if alone else (0.34 if wide else 0.52) * rows + 0.02
-    figure = new_figure(request, height, "single" if alone else "double")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    height = 0.9 if alone else (0.34 if wide else 0.52) * ceil(len(pairs) / columns) + 0.02
+    figure, panels = new_panels(request, height, len(pairs), columns, "single" if alone else "double")
     values = [table for *_, table in pairs]
     low, high = min(np.nanmin(v) for v in values), max(np.nanmax(v) for v in values)
     artists: dict[str, Any] = {"cells": [], "optimum": [], "margins": []}
-    for ax, (x, y, table) in zip(panels, pairs, strict=False):
+    for ax, (x, y, table) in zip(panels, pairs, strict=True):
         draw_panel(ax, tree, data, x, y, table, (float(low), float(high)), artists)
-    for ax in panels[len(pairs) :]:
-        ax.set_visible(False)
     width = 0.62 * figure.get_figwidth() / columns
-    for ax in panels[: len(pairs)]:
+    for ax in panels:
         ax.set_xlabel(fitted(ax.get_xlabel(), width, 8.5), linespacing=0.95)
         ax.set_ylabel(fitted(ax.get_ylabel(), width, 8.5), linespacing=0.95)
-    figure.colorbar(artists["cells"][0], ax=list(panels), label=objective_label(data), pad=0.01)
+    figure.colorbar(artists["cells"][0], ax=panels, label=objective_label(data), pad=0.01)
     write_legend(figure, [artists["optimum"][0], artists["margins"][0]])
     write_title(figure, tree, request)
     return figure, artists

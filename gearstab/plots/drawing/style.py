@@ -20,6 +20,7 @@ from typing import Any, Literal
 
 import matplotlib as mpl
 import matplotlib.style
+import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -172,6 +173,25 @@ def new_figure(request: Request, aspect: float | tuple[float, float], default: s
     figure = Figure(figsize=(width, aspect * width), layout=layout, dpi=request.dpi or RESOLUTION)
     FigureCanvasAgg(figure)
     return figure
+
+
+def new_panels(
+    request: Request, aspect: float | tuple[float, float], count: int, columns: int = 1, default: str = "single",
+    **options: Any,
+) -> tuple[Figure, list[Axes]]:  # fmt: skip
+    """A figure as :func:`new_figure` makes it, and its frames, row by row. options: of matplotlib's ``subplots``."""
+    figure = new_figure(request, aspect, default)
+    axes = list(np.ravel(figure.subplots(ceil(count / columns), columns, squeeze=False, **options)))
+    for ax in axes[count:]:
+        ax.remove()
+    return figure, axes[:count]
+
+
+def label_columns(figure: Figure, axes: Sequence[Axes], columns: int, label: str) -> None:
+    """Number and label the lowest panel of each column, whether or not that ends above the others."""
+    for ax in axes[-columns:]:
+        ax.tick_params(labelbottom=True)
+        ax.set_xlabel(fitted(label, 0.85 * figure.get_figwidth() / columns, 8.5))
 
 
 def new_frame(request: Request, aspect: float | tuple[float, float], default: str = "single") -> tuple[Figure, Axes]:

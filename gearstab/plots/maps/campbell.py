@@ -25,8 +25,18 @@ from gearstab.errors import PlotError
 from gearstab.plots.axes import INNER, FigureAxis, group_of, mesh_numbers, sweep_axes, swept_groups, units_of
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.labels import draw_order, number_orders, order_colour
-from gearstab.plots.drawing.style import CASES, LINE, SHADE, UNSTABLE, new_figure, new_frame, write_legend, write_title
-from gearstab.plots.drawing.text import bracketed, fitted, plain, tongue_label
+from gearstab.plots.drawing.style import (
+    CASES,
+    LINE,
+    SHADE,
+    UNSTABLE,
+    label_columns,
+    new_frame,
+    new_panels,
+    write_legend,
+    write_title,
+)
+from gearstab.plots.drawing.text import bracketed, plain, tongue_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import branches
 from gearstab.plots.maps.branches import Region, WhirlCurves
@@ -393,32 +403,29 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     if len(panels) == 1:
         figure, ax = new_frame(request, (1.0, 0.55))
         axes = [ax]
-        rows = columns = 1
+        columns = 1
     else:
         rows, columns = arrangement(chosen, wide)
         aspect = min(1.25 if wide else TALL, 0.12 + (0.88 if wide else 0.72) * rows / columns)
-        figure = new_figure(request, aspect, "double")
-        axes = list(np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)))
-    drawn = [draw_panel(ax, panel, top, unit) for ax, panel in zip(axes, panels, strict=False)]
-    for ax in axes[len(panels) :]:
-        ax.remove()
-    for number, (ax, index) in enumerate(zip(axes[: len(panels)], chosen, strict=True)):
-        ax.set_xlabel(fitted(view.x.label, 0.85 * figure.get_figwidth() / columns, 8.5))
+        figure, axes = new_panels(request, aspect, len(panels), columns, "double", sharex=True, sharey=True)
+    drawn = [draw_panel(ax, panel, top, unit) for ax, panel in zip(axes, panels, strict=True)]
+    for number, (ax, index) in enumerate(zip(axes, chosen, strict=True)):
         ax.set_ylabel("frequency" + bracketed(words))
         if len(panels) > 1:
             room = 18 if panels[0].regions else None
             ax.set_title(f"({chr(97 + number)})  {caption(view.free, index)}", loc="left", pad=room)
             ax.label_outer()
+    label_columns(figure, axes, columns, view.x.label)
     legend = write_legend(figure, legend_handles(panels, drawn), ax=request.ax)
     write_title(figure, tree, request, view)
     names.settle(figure)
-    for ax, panel, artists in zip(axes, panels, drawn, strict=False):
+    for ax, panel, artists in zip(axes, panels, drawn, strict=True):
         artists["mode_names"] = name_modes(ax, panel, unit)
     names.settle(figure)
-    for ax, panel, artists in zip(axes, panels, drawn, strict=False):
+    for ax, panel, artists in zip(axes, panels, drawn, strict=True):
         artists["names"] = name_regions(ax, panel, 3 if len(panels) == 1 else 1)
     names.freeze(figure, request)
-    for ax, artists in zip(axes, drawn, strict=False):
+    for ax, artists in zip(axes, drawn, strict=True):
         marks = [mark for sort in ("regions", "closed") for mark in artists[sort].values()]
         number_orders(ax, artists["orders"], artists["modes"], marks)
     return figure, {"panels": drawn, "legend": legend, "left_out": note}

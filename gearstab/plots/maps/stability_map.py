@@ -18,8 +18,9 @@ from gearstab.plots.drawing.style import (
     LINE,
     PROVED,
     UNSTABLE,
-    new_figure,
+    label_columns,
     new_frame,
+    new_panels,
     write_legend,
     write_title,
 )
@@ -227,22 +228,17 @@ def draw_slices(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     wide = request.wide("double")
     rows, columns = arrangement(chosen, wide)
     each = 0.88 if wide else 0.62
-    figure = new_figure(request, min(1.25 if wide else TALL, 0.12 + each * rows / columns), "double")
-    frames = np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False))
+    aspect = min(1.25 if wide else TALL, 0.12 + each * rows / columns)
+    figure, frames = new_panels(request, aspect, len(views), columns, "double", sharex=True, sharey=True)
     values = np.ma.stack([read_cells(*item, variable)[0] for item in shown])
     norm = colours(values, variable)[1]
     panels = []
-    for number, (ax, (part, item), panel) in enumerate(zip(frames, shown, chosen, strict=False)):
+    for number, (ax, (part, item), panel) in enumerate(zip(frames, shown, chosen, strict=True)):
         text = f"({chr(97 + number)})  {caption(view.free, panel)}" if len(views) > 1 else caption(view.free, panel)
         panels.append(draw_panel(part, ax, item, variable, norm, text))
-    for ax in frames[len(views) :]:
-        ax.remove()
-    for ax in frames[max(0, len(views) - columns) : len(views)]:
-        # The lowest of its column, whether or not that ends above the others.
-        ax.tick_params(labelbottom=True)
-        ax.set_xlabel(fitted(view.x.label, 0.85 * figure.get_figwidth() / columns, 8.5))
+    label_columns(figure, frames, columns, view.x.label)
     label = fitted(colour_label(tree, variable), 1.8 * rows, 8.5)
-    bar = colour_bar(figure, panels[0], list(frames[: len(views)]), label, pad=0.015, aspect=18 * rows)
+    bar = colour_bar(figure, panels[0], frames, label, pad=0.015, aspect=18 * rows)
     doubtful = {words: patches for panel in panels for words, patches in panel["doubtful"].items()}
     tint = next((panel["proved"] for panel in panels if panel["proved"] is not None), None)
     handles = [*tongues.legend_of(tree, panels[0]), *overlays.legend_of_proved(tint), *overlays.legend_of_map(doubtful)]
@@ -251,7 +247,7 @@ def draw_slices(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     figure.supylabel(view.y.label, fontsize=8.5)
     write_title(figure, tree, request, view)
     names.settle(figure)
-    for ax, (part, item), artists in zip(frames, shown, panels, strict=False):
+    for ax, (part, item), artists in zip(frames, shown, panels, strict=True):
         artists["names"] = names.name_view(part, ax, item, rows=1)
     names.freeze(figure, request)
     return figure, {"panels": panels, "colour_bar": bar, "left_out": note}

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import axis_of, group_of, units_of
 from gearstab.plots.drawing import names
-from gearstab.plots.drawing.style import CASES, DASHES, GROWTH, LINE, new_figure, write_legend, write_title
+from gearstab.plots.drawing.style import CASES, DASHES, GROWTH, LINE, new_panels, write_legend, write_title
 from gearstab.plots.drawing.text import bracketed, plain
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.motions.response import MOST_PANELS, fit_labels, refuse_selections
@@ -108,8 +108,8 @@ def draw_waterfall(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists
     heard = np.flatnonzero(np.max([v.max(axis=0) for v in values], axis=0) >= HEARD * largest)
     last = min(int(heard.max(initial=1)) + 1, frequency.size - 1)
     end, unit = float(frequency.values[last]), float(frequency.attrs.get(SHOWN_SCALE, 1.0))
-    figure = new_figure(request, (0.62 * len(chosen) + 0.2, 0.36 * len(chosen) + 0.12))
-    axes = list(np.ravel(figure.subplots(len(chosen), 1, sharex=True, squeeze=False)))
+    aspects = 0.62 * len(chosen) + 0.2, 0.36 * len(chosen) + 0.12
+    figure, axes = new_panels(request, aspects, len(chosen), sharex=True)
     norm, rising = LogNorm(largest * 10**-DECADES, largest), np.argsort(speed.values)
     colours = GROWTH.with_extremes(under="white")
     ratios = mesh_ratios(tree, data.sizes["mesh"])
@@ -238,8 +238,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     chosen, note = largest_parts(orders, request)
     rising, cycles = np.argsort(speed.values), orders.cycles(tree)
     shown, multiples = orders.shown(), data.coords[orders.multiple].values
-    figure = new_figure(request, (0.5 * len(chosen) + 0.15, 0.28 * len(chosen) + 0.12))
-    axes = list(np.ravel(figure.subplots(len(chosen), 1, sharex=True, squeeze=False)))
+    aspects = 0.5 * len(chosen) + 0.15, 0.28 * len(chosen) + 0.12
+    figure, axes = new_panels(request, aspects, len(chosen), sharex=True)
     labels = [_label(orders, float(multiples[s]), cycles) for s in shown]
     ratios = mesh_ratios(tree, data.sizes[orders.part])
     lines = []

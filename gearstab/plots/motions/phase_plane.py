@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import group_of, units_of
-from gearstab.plots.drawing.style import CASES, SHADE, new_figure, write_legend, write_title
+from gearstab.plots.drawing.style import CASES, SHADE, new_panels, write_legend, write_title
 from gearstab.plots.drawing.text import bracketed, fitted, plain
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.motions.response import draw_long_line, refuse_a_moment
@@ -107,16 +107,15 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     data = read_backlash(tree)
     names = meshes_of(data, request)
     wide = request.wide("double")
-    rows, columns = (len(names), 2) if wide else (2 * len(names), 1)
-    figure = new_figure(request, (0.6 * rows, 0.36 * rows), "double")
-    axes = np.ravel(figure.subplots(rows, columns, squeeze=False, width_ratios=[1.5, 1] if wide else [1]))
+    aspects, widths = (1.2 * len(names), 0.36 * len(names)), [1.5, 1] if wide else [1]
+    figure, axes = new_panels(request, aspects, 2 * len(names), len(widths), "double", width_ratios=widths)
     artists: Artists = {"histories": [], "planes": [], "sections": [], "bands": []}
     for i, mesh in enumerate(names):
         line, band = draw_history(axes[2 * i], data, mesh)
         plane, dots = draw_plane(axes[2 * i + 1], data, mesh)
         for name, artist in zip(artists, (line, plane, dots, band), strict=True):
             artists[name].append(artist)
-    figure.align_ylabels(list(axes))
+    figure.align_ylabels(axes)
     artists["legend"] = write_legend(figure, [artists["bands"][0], artists["sections"][0]])
     write_title(figure, tree, request)
     return figure, artists
@@ -209,13 +208,12 @@ def draw_pair(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     spectral = data.sizes.get("frequency", 0) > 1 and bool(np.isfinite(data["normalised_frequency"].values).all())
     count = 3 if spectral else 2
     wide = request.wide()
-    figure = new_figure(request, (0.46 * count, 0.36))
-    axes = np.ravel(figure.subplots(1 if wide else count, count if wide else 1, squeeze=False))
+    figure, axes = new_panels(request, (0.46 * count, 0.36), count, count if wide else 1)
     artists = draw_deflection(axes[0], data)
     artists["energy"] = draw_energy(axes[1], data)
     artists["density"] = draw_density(axes[2], data) if spectral else None
     if not wide:
-        figure.align_ylabels(list(axes))
+        figure.align_ylabels(axes)
     write_title(figure, tree, request)
     return figure, artists
 

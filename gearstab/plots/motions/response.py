@@ -16,7 +16,7 @@ from matplotlib.ticker import NullLocator
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import units_of
-from gearstab.plots.drawing.style import CASES, WIDTHS, new_figure, write_title
+from gearstab.plots.drawing.style import CASES, WIDTHS, new_panels, write_title
 from gearstab.plots.drawing.text import bracketed, fitted, plain
 from gearstab.plots.kinds import Kind
 from gearstab.plots.view import Request
@@ -243,16 +243,16 @@ def fit_labels(axes: Sequence[Axes]) -> None:
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure, panels over one another on a common time axis; its artists are ``lines``."""
     panels, note = histories(read_response(tree), request)
-    figure = new_figure(request, (0.28 * len(panels) + 0.2, 0.14 * len(panels) + 0.1))
-    axes = np.ravel(figure.subplots(len(panels), 1, sharex=True, squeeze=False))
+    aspects = 0.28 * len(panels) + 0.2, 0.14 * len(panels) + 0.1
+    figure, axes = new_panels(request, aspects, len(panels), sharex=True)
     lines = []
     for ax, (label, data) in zip(axes, panels, strict=True):
         lines.append(draw_history(ax, label, data, CASES[2] if data.name == "mesh_force" else CASES[0]))
     time = panels[0][1].coords.get("time")
     axes[-1].set_xlabel("time $t$" + (bracketed(units_of(time)) if time is not None else ""))
-    figure.align_ylabels(list(axes))
+    figure.align_ylabels(axes)
     write_title(figure, tree, request)
-    fit_labels(list(axes))
+    fit_labels(axes)
     return figure, {"lines": lines, "left_out": note}
 
 

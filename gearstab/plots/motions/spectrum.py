@@ -5,6 +5,7 @@ The latter as in Kuria & Kihiu 2008, Figs. 6 to 8.
 
 from __future__ import annotations
 
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,8 @@ from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import group_of, units_of
-from gearstab.plots.drawing.style import CASES, new_figure, write_legend, write_title
-from gearstab.plots.drawing.text import bracketed, fitted, plain
+from gearstab.plots.drawing.style import CASES, label_columns, new_panels, write_legend, write_title
+from gearstab.plots.drawing.text import bracketed, plain
 from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import (
     MOST_PANELS,
@@ -157,8 +158,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     values = [np.asarray(panel.values, dtype=float) for _, panel in panels]
     end = reach(x, values, harmonics)
     height = {1: 0.62}.get(len(panels), 0.4 * len(panels) + 0.15)
-    figure = new_figure(request, (height, 0.55 * height))
-    axes = list(np.ravel(figure.subplots(len(panels), 1, sharex=True, squeeze=False)))
+    figure, axes = new_panels(request, (height, 0.55 * height), len(panels), sharex=True)
     lines = []
     for ax, (name, _), part in zip(axes, panels, values, strict=True):
         lines.append(draw_spectrum(ax, x, part, harmonics))
@@ -208,11 +208,10 @@ def draw_teeth(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     stress = name == "root_stress"
     wide = request.wide("double")
     across = 2 if len(panels) > 1 and (wide or len(panels) > MOST_IN_A_COLUMN) else 1
-    down = -(-len(panels) // across)
-    figure = new_figure(request, (0.28 if wide else 0.42) * down + 0.12, "double")
-    axes = np.ravel(figure.subplots(down, across, sharex=True, squeeze=False))
+    aspect = (0.28 if wide else 0.42) * ceil(len(panels) / across) + 0.12
+    figure, axes = new_panels(request, aspect, len(panels), across, "double", sharex=True)
     lines, still = [], []
-    for ax, (label, data, rest) in zip(axes, panels, strict=False):
+    for ax, (label, data, rest) in zip(axes, panels, strict=True):
         scale = 1e-6 if stress else 1.0
         where = dataset["contact"].values
         still += ax.plot(where, scale * rest.values, color="#8a8a8a", linewidth=0.9, label="static")
@@ -222,11 +221,7 @@ def draw_teeth(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         ax.set_ylabel("root stress (MPa)" if stress else "load (N)")
         ax.set_ylim(bottom=0)
         ax.set_xlim(0, 1)
-    for ax in axes[len(panels) :]:
-        ax.set_visible(False)
-    for ax in axes[max(0, len(panels) - across) : len(panels)]:
-        ax.xaxis.set_tick_params(labelbottom=True)
-        ax.set_xlabel(fitted("contact, from first to last point", 0.7 * figure.get_figwidth() / across, 8.5))
+    label_columns(figure, axes, across, "contact, from first to last point")
     write_legend(figure, [still[0], lines[0]])
     write_title(figure, tree, request)
     return figure, {"lines": lines, "static": still}
