@@ -211,12 +211,12 @@ class Floquet(Restricted):
 
     def _segments(self) -> float:
         """In the window of a Lyapunov exponent."""
-        from gearstab.floquet.frequencies import lyapunov, period
+        from gearstab.floquet.frequencies import choice, lyapunov
         from gearstab.floquet.smooth.schemes import CF6_5
 
         cycles = lyapunov.length(self.part, self.options.lyapunov.cycles)
         if self.part.piecewise_constant:
-            return period.segments_a_cycle(self.part) * cycles
+            return choice.segments_a_cycle(self.part) * cycles
         return 2 * lyapunov.FEWEST_STEPS * CF6_5.exponentials * cycles * max(map(float, self.part.frequency_ratios))
 
     def report(self) -> Mapping[str, Any]:
