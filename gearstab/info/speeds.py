@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 def common_period(system: GearSystem) -> dict[str, Any] | None:
     """Describe the common period of all meshes; None where there is none."""
-    from gearstab.floquet.frequencies import choice as periods
+    from gearstab.floquet.frequencies import choice
 
-    period = periods.common_period(system)
+    period = choice.common_period(system)
     if period is None:
         return None
     segments, states = (period.segments if system.piecewise_constant else None), None
-    if (pattern := periods.exact_pattern(system)) is not None:
+    if (pattern := choice.exact_pattern(system)) is not None:
         segments, states = len(pattern.states), pattern.stiffness.shape[1]
     return {
         "in_periods_of_omega": period.cycles,
