@@ -28,8 +28,8 @@ MOST = 1e-4
 """The largest, also where no edges share LEFT: shorter pieces are tried before a part is left."""
 NARROW = 0.05
 """Part of an interval that is given up at each of its ends, at most."""
-PHASE = 1500
-"""States times segments beyond which Theorem 4 is cheaper than Theorem 1."""
+NUMBERS = 1e6
+"""Numbers in the matrices of all segments beyond which Theorem 4 is cheaper than Theorem 1."""
 FIRST, SHORTER, LONGER, SHORTEST = 0.01, 0.5, 2.0, 0.4
 """The longest piece that is tried first with coordinates; factors on the length of the next one, where one was not
 proved, and where it was; the shortest, as a part of the width that is given up at an edge.
@@ -103,7 +103,7 @@ def _of_row(known: Flow, ends: Array) -> list[Certificate]:
         low, high = ends[k] * (1 + edges[0] * least), ends[k + 1] * (1 - edges[1] * least)
         counted = [] if counting is None else _without_coordinates(counting, low, high, least)
         left = gaps(np.array([(piece.low, piece.high) for piece in counted]).reshape(-1, 2), low, high)
-        long = known.form is None and known.generators[0].nrows() * len(known.states) > PHASE
+        long = known.form is None and known.generators[0].nrows() ** 2 * len(known.states) > NUMBERS
         for start, stop in left[left[:, 1] > left[:, 0] * (1 + least)].tolist():
             suggested = claimed(known, start, stop) if long else None
             if suggested is not None and suggested.outside == 0:

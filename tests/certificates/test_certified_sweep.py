@@ -181,7 +181,11 @@ LONG = LONG.replace("[2.2, 2.9]", "[2.735, 2.741]").replace("[0.1, 0.3]", "[0.3]
 """Some 400 segments; an edge at 2.7425."""
 
 
-def test_a_long_period_is_proved_by_a_form_that_is_carried_along(tmp_path: Path) -> None:
+def test_a_long_period_is_proved_by_a_form_that_is_carried_along(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As is done with matrices of a million numbers, which take minutes."""
+    monkeypatch.setattr("gearstab.certificates.covering.NUMBERS", 1000)
     found = result_of(tmp_path, LONG, "boundaries")
     numbers = found["certificate"].values[:, 0]
     assert (numbers[:, 0] == 0).all()
