@@ -242,19 +242,18 @@ struct finding compare(const struct sample *left, const struct sample *right, in
         return found;
     }
     const struct sample *out = left->stable ? right : left, *in = left->stable ? left : right;
-    int gap = left->stable ? found.left : found.right, own_events = left->stable ? forwards : backwards;
-    if (own_events == 0)
-        return found;
-    struct range own = gap_range(in, gap);
-    enum place place = place_of(in, gap);
-    int off = nearest_off(out, place, own);
-    if (off >= 0) {
-        int single = forwards + backwards == 1 && single_edge(in, gap, out, passages(left, right, place));
-        found.kind = left->stable ? ENTRANCE : EXIT;
-        *(left->stable ? &found.right : &found.left) = off;
-        /* Pairs that are almost alike leave the circle one after the other: one of them, from inside, does not tell the edge. */
-        found.doubtful = !single || (place == ELSEWHERE && (out->offs > 1 || swept(left, right, hull(own, off_range(out->off + off)),
-                                                                                   own, NOWHERE)));
+    int gap = left->stable ? found.left : found.right;
+    if (left->stable ? forwards == 1 && backwards == 0 : forwards == 0 && backwards == 1) {
+        struct range own = gap_range(in, gap);
+        enum place place = place_of(in, gap);
+        int off = nearest_off(out, place, own);
+        if (off >= 0 && single_edge(in, gap, out, passages(left, right, place))) {
+            found.kind = left->stable ? ENTRANCE : EXIT;
+            *(left->stable ? &found.right : &found.left) = off;
+            /* Pairs that are almost alike leave the circle one after the other: one of them, from inside, does not tell the edge. */
+            found.doubtful = place == ELSEWHERE &&
+                             (out->offs > 1 || swept(left, right, hull(own, off_range(out->off + off)), own, NOWHERE));
+        }
     }
     return found;
 }

@@ -19,7 +19,6 @@
 #define APART 8           /* points of a scan from one direct count to the next, n/2 of large systems; 4 takes 10 % longer */
 #define SHORTER 2         /* binary digits by which the step to the second point shrinks with every attempt, see evaluate */
 #define PATIENCE 4        /* rounds of interpolation in which a bracket must halve */
-#define FARTHER 3         /* binary digits by which a bracket that did not halve looks farther beyond where its edge seems to be */
 #define ATTEMPTS 4        /* points tried where signs are lost in rounding, before a bracket is left as it is */
 #define ACCURATE 0.1      /* part of the tolerance by which the curvature may move an edge that is taken */
 #define SMALL 0.26        /* of the spacing: brackets whose counts are unknown are taken at face value below */
@@ -217,7 +216,7 @@ static int advance(struct window *w, const struct bracket *b, struct finding *fo
             return 1;
         }
     }
-    double proposed = propose(left, right, found, ldexp(w->order->tolerance, FARTHER * b->age), w->order->floor);
+    double proposed = propose(left, right, found, w->order->tolerance, w->order->floor);
     *cycle = proposed > left->cycle && proposed < right->cycle ? proposed : *cycle;
     return 1;
 }
