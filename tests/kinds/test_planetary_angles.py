@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from planetary_gears import SUPPORTS, configuration, parameters, with_epsilon
-from scenes import problems, ran, read, written
+from scenes import problems, ran, read, scene_text, written
 
 from gearstab.floquet import solve
 from gearstab.modal import mean_modes
@@ -207,13 +207,13 @@ def test_suns_teeth_reach_the_planets_when_their_phases_say(driving: str, held: 
         teeth = 2 * np.pi * np.arange(-SUN, SUN + 1) / SUN
         passing = (psi[:, None] + teeth) / turning
         times = np.min(np.where(passing > -1e-9 * period, passing, np.inf), axis=1)
-        p = turning(len(psi), angles=listed, input=driving, fixed=held, sense=sense)
+        p = turning_gear(len(psi), angles=listed, input=driving, fixed=held, sense=sense)
         lags = np.array([float(mesh.lag) for mesh in build(p).meshes[: len(psi)]])
         differences = lags - times / period
         np.testing.assert_allclose(differences, np.rint(differences), atol=1e-9)
 
 
-def turning(planets: int, **changes: object) -> dict[str, object]:
+def turning_gear(planets: int, **changes: object) -> dict[str, object]:
     """Parameters of Parker's gear on soft supports with these teeth, and a lag of the ring's that no symmetry has."""
     p = parameters(planets, harmonics=1, supports=SUPPORTS, phases={"sun_ring": 0.2}, **changes)
     return with_epsilon(p, 0.3) | {"teeth": {"sun": SUN, "planet": PLANET, "ring": RING}}
@@ -232,10 +232,10 @@ def test_a_planet_set_with_teeth_turned_as_a_whole_keeps_its_phases_and_growth()
     """By half a step, too: the teeth fit at multiples of 2 pi/(z_s + z_r) from the first planet, wherever it is."""
     angles = np.array(nearest(SUN, RING, 4))
     step = 2 * np.pi / (SUN + RING)
-    first = build(turning(4, angles=list(angles)))
+    first = build(turning_gear(4, angles=list(angles)))
     for turn in (0.5 * step, -2.0):
         assert misfit(SUN, RING, list(angles + turn)) is None
-        turned = build(turning(4, angles=list(angles + turn)))
+        turned = build(turning_gear(4, angles=list(angles + turn)))
         before, after = (np.array([float(mesh.lag) for mesh in system.meshes]) for system in (first, turned))
         np.testing.assert_allclose((after - after[0]) % 1, (before - before[0]) % 1, atol=1e-9)
         assert np.abs(turned.meshes[0].direction - first.meshes[0].direction).max() > 0.01
@@ -246,29 +246,17 @@ def test_a_planet_set_with_teeth_turned_as_a_whole_keeps_its_phases_and_growth()
 def test_a_planet_set_is_not_the_same_with_the_phases_of_other_places() -> None:
     """The test above would see nothing if growth did not hang on the phases."""
     angles = nearest(SUN, RING, 4)
-    wrong = turning(4, angles=list(angles)) | {"teeth": {"sun": SUN + 1, "planet": PLANET, "ring": RING - 1}}
-    assert np.abs(growth(build(wrong)) - growth(build(turning(4, angles=list(angles))))).max() > 1e-3
+    wrong = turning_gear(4, angles=list(angles)) | {"teeth": {"sun": SUN + 1, "planet": PLANET, "ring": RING - 1}}
+    assert np.abs(growth(build(wrong)) - growth(build(turning_gear(4, angles=list(angles))))).max() > 1e-3
 
 
-TEXT = """\
-system:
-  kind: planetary
-  planets: 7
-  ring: {{kind: rigid}}
-  gears: {{module: 2 mm, pressure_angle: 20 deg, face_width: 25 mm}}
-  teeth: {{sun: 29, planet: 20, ring: 69}}
-  masses: {{carrier: 1.5}}
-  inertias: {{carrier: 1.2}}
-  supports: {{carrier: 5.0e8, sun: 1.0e7, planet: 2.0e8, ring: 1.0e9, ring_rotation: 1.0e9}}
-  meshes: {{sun: {{epsilon: 0.3}}, ring: {{single_pair_stiffness: 3.0e8}}}}
-  {}
-"""
+TEXT = scene_text("planetary_angles")
 
 
 def test_a_gear_that_turns_the_other_way_is_its_mirror_image(tmp_path: Path) -> None:
     """Other flanks and the other order of phases: the same growth; with one of the two alone another gear."""
-    there = with_teeth(read(tmp_path, TEXT.format("sense: counter-clockwise")).system)
-    back = with_teeth(read(tmp_path, TEXT.format("sense: clockwise")).system)
+    there = with_teeth(read(tmp_path, TEXT).system)
+    back = with_teeth(read(tmp_path, TEXT.replace("counter-clockwise", "clockwise")).system)
     assert back["pressure_angles"]["sun"] == -there["pressure_angles"]["sun"]
     half = back.model_copy(update={"pressure_angles": there.pressure_angles})
     omega = np.linspace(2e4, 9e4, 60)
