@@ -1,13 +1,10 @@
 """Edges of instability regions of damped systems."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from random_rotors import random_rotor
 from scipy.optimize import brentq
 from tongues import disagreements, train
 
@@ -16,7 +13,6 @@ from gearstab.floquet.boundaries import boundaries
 from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes
 from gearstab.perturbation import first_order
-from gearstab.rotation import Rotation
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
@@ -158,85 +154,3 @@ def test_a_region_without_an_undamped_one_keeps_its_name() -> None:
     found = boundaries(replace(free, damping=uneven), 0.96 * total, 1.04 * total, width_floor=0.015)
     assert found.labels() == ["w1+w2"]
     assert np.isfinite(found.arranged().boundary_frequency).all()
-
-
-# --- edges of damped systems that turn, of whose mean modes one or two are not damped at all
-
-
-Array = np.ndarray
-START, STOP = 0.8, 4.0
-
-
-def beside(system: GearSystem, frequencies: Array, turn: Array) -> GearSystem:
-    """A system and undamped oscillators that nothing couples with it, in coordinates that mix all."""
-    n, more = system.size, len(frequencies)
-
-    def mixed(matrix: Array, free: Array | float = 0.0) -> Array:
-        whole = np.zeros((n + more, n + more))
-        whole[:n, :n], whole[n:, n:] = matrix, free
-        return turn.T @ whole @ turn
-
-    (rotation,) = system.rotations
-    own = {name: getattr(rotation, name) for name in ("gyroscopic", "circulatory", "centripetal")}
-    turned = replace(rotation, **{name: mixed(matrix) for name, matrix in own.items() if matrix is not None})
-    meshes = tuple(
-        replace(mesh, direction=np.concatenate([mesh.direction, np.zeros(more)]) @ turn) for mesh in system.meshes
-    )
-    mass, stiffness = mixed(system.mass, np.eye(more)), mixed(system.stiffness, np.diag(frequencies**2))
-    return GearSystem(mass, stiffness, meshes, mixed(system.damping_matrix), rotations=(turned,))
-
-
-@pytest.mark.parametrize("seed", [1, 3, 5])
-def test_oscillators_that_nothing_drives_change_nothing(seed: int) -> None:
-    """Edges, and what is proved, are those of the system alone, whatever undamped oscillators stand beside it."""
-    alone = random_rotor(seed, hamiltonian=False)
-    rng = np.random.default_rng(seed)
-    turn, _ = np.linalg.qr(rng.normal(size=(alone.size + 2, alone.size + 2)))
-    both = boundaries(beside(alone, rng.uniform(1.0, 2.0, 2), turn), START, STOP)
-    expected = boundaries(alone, START, STOP)
-    # Two edges to 1e-10 of the mesh frequency each.
-    np.testing.assert_allclose(both.lower, expected.lower, rtol=3e-10)
-    np.testing.assert_allclose(both.upper, expected.upper, rtol=3e-10)
-    assert both.stable_share(both.proved)[0] > 0.99
-    assert both.sampled_step[0] == 0
-
-
-def partly_damped(seed: int) -> GearSystem:
-    """Three to five modes that the mesh couples all, one or two of them undamped in the mean; the others whirl."""
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(3, 6))
-    frequency, ratio = np.sort(rng.uniform(0.6, 2.5, n)), 10 ** rng.uniform(-4, -2, n)
-    shapes, _ = np.linalg.qr(rng.normal(size=(n, n)))
-    undamped = rng.permutation(n)[: 1 + (n > 3)]
-    ratio[undamped] = 0
-    first, second, *_ = np.setdiff1d(np.arange(n), undamped)
-    plane = np.outer(shapes[:, first], shapes[:, second])
-    direction = rng.normal(size=n)
-    mean = 0.5 * (frequency**2).min() / (direction @ direction)
-    mesh = Mesh("m", direction, mean, rng.uniform(0.1, 0.4) * mean, Rectangular(rng.uniform(1.3, 1.7)), Fraction(1), 0)
-    speed = {"speed": 0.3} if seed % 2 else {"speed_ratio": Fraction(1, 10)}
-    rotation = Rotation(
-        gyroscopic=rng.uniform(0.05, 0.5) * (plane - plane.T),
-        circulatory=1e-3 * rng.uniform() * (plane - plane.T), **speed,
-    )  # fmt: skip
-    stiffness = (shapes * frequency**2) @ shapes.T - mean * np.outer(direction, direction)
-    return GearSystem(
-        np.eye(n), stiffness, (mesh,), (shapes * (2 * ratio * frequency)) @ shapes.T, rotations=(rotation,)
-    )
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_undamped_modes_that_the_mesh_drives(seed: int) -> None:
-    """No point of a raster contradicts the edges; that nothing is proved or counted is said."""
-    system, omega = partly_damped(seed), np.linspace(START, STOP, 20_001)
-    found = boundaries(system, START, STOP)
-    growth = solve(system, omega).growth_rate[0]
-    inside = np.any((omega[:, None] > found.lower) & (omega[:, None] < found.upper), axis=1)
-    edges = np.concatenate([found.lower, found.upper])
-    near = np.any(np.abs(omega[:, None] / edges - 1) < found.width_floor, axis=1)
-    # Growth below what rounding makes is 0 there: regions of two undamped motions may grow as slowly as that.
-    assert inside[(growth > 0) & ~near].all()
-    assert (growth[inside & ~near] >= 0).all()
-    assert len(found.lower) >= 3
-    assert found.sampled_step[0] > 0
-    assert not found.coarse[0]
