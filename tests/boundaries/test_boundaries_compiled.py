@@ -5,6 +5,7 @@ from fractions import Fraction
 import krein_search
 import numpy as np
 import pytest
+from scenes import scene_data
 from systems import KINDS, system
 from tongues import train
 
@@ -198,14 +199,7 @@ def test_names_of_a_row_with_very_many_regions() -> None:
     assert names["cycles"].tolist() == number.tolist()
 
 
-PLANETS = {
-    "kind": "planetary", "units": "none", "planets": 3, "motion": "rotational", "ring": {"kind": "rigid"},
-    "masses": {"ring": 1.0, "planet": 0.5}, "inertias": {"ring": 1.0, "carrier": 3.0, "sun": 0.7, "planet": 0.6},
-    "supports": {"ring_rotation": 1.0, "carrier_rotation": 0.5}, "pressure_angles": {"sun": 0.4, "ring": 0.4},
-    "phases": {"sun": [0, 0, 0], "sun_ring": 0.5},
-    "meshes": {"sun": {"mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.4},
-               "ring": {"mean_stiffness": 1.2, "epsilon": 0.3, "contact_ratio": 1.6}},
-}  # fmt: skip
+PLANETS = scene_data("boundaries_planets")
 
 
 def test_regions_of_modes_of_one_frequency_stand_under_the_first_of_them() -> None:

@@ -267,32 +267,13 @@ def test_python_flint_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert "gearstab[verify]" in refused("sweep", written(tmp_path, CASE))
 
 
-SHAFT = """\
-title: A shaft whose damping turns with it
-system:
-  kind: matrices
-  mass: [[1, 0], [0, 1]]
-  stiffness: [[0.4, 0], [0, 1.4]]
-  damping: {matrix: [[0.04, 0], [0, 0.04]]}
-  rotation:
-    SPEED
-    gyroscopic: [[0, -0.2], [0.2, 0]]
-    circulatory: [[0, 0.3], [-0.3, 0]]
-    centripetal: [[-0.01, 0], [0, -0.01]]
-  meshes:
-    - {name: mesh, direction: [1, 0], mean_stiffness: 0.6, epsilon: 0.3, contact_ratio: 1.4}
-sweep:
-  mesh_frequency: {start: 1.2, stop: 4.0, num: 8}
-methods:
-  boundaries: {certificate: true}
-  floquet: {certificate: true}
-"""
+SHAFT = scene_text("certified_shaft")
 """At low speeds unstable in tongues only, at high ones by itself."""
 
 
 @pytest.mark.parametrize("speed", ["speed: 0.05", "speed: 4.0", 'speed_ratio: "1/15"'])
 def test_systems_with_speeds_of_rotation_are_proved_as_they_turn(tmp_path: Path, speed: str) -> None:
-    found = result_of(tmp_path, SHAFT.replace("SPEED", speed), "boundaries")
+    found = result_of(tmp_path, SHAFT.replace("speed: 0.05", speed), "boundaries")
     assert found["certified_share"] > 0.999
     points = opened(tmp_path / "case.h5")["floquet"].to_dataset()
     stable, ends = points["stable"].values, found["certificate_frequency"].values

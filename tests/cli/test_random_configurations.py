@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given
 from random_documents import Document, documents
-from scenes import examples, written
+from scenes import examples, scene_data, written
 
 from gearstab.cli import group
 from gearstab.results import open_result
@@ -46,22 +46,8 @@ def test_ordinary_and_odd_systems(document: Document, tmp_path_factory: pytest.T
     answered(document, tmp_path_factory.mktemp("random"))
 
 
-TWO_MESHES: Document = {
-    "kind": "two_stage", "inertias": [1, 1, 1], "input_shaft_stiffness": 0,
-    "meshes": [
-        {"name": "first", "mean_stiffness": 1, "epsilon": 0.3, "waveform": {"kind": "fourier", "cos": [-0.5]}},
-        {"name": "second", "mean_stiffness": 3.6, "epsilon": 0.3, "contact_ratio": 1.0},
-    ],
-}  # fmt: skip
-IRRATIONAL: Document = {
-    "kind": "matrices", "mass": [[1, 0], [0, 2]], "stiffness": [[1, 0], [0, 0]],
-    "meshes": [
-        {"name": "a", "direction": [1, -1], "mean_stiffness": 1, "epsilon": 0.2,
-         "waveform": {"kind": "fourier", "cos": [0.5]}},
-        {"name": "b", "direction": [1, 1], "mean_stiffness": 1, "epsilon": 0.2, "contact_ratio": 1.5,
-         "frequency_ratio": 0.618, "exact": False},
-    ],
-}  # fmt: skip
+TWO_MESHES = scene_data("random_two_meshes")
+IRRATIONAL = scene_data("random_irrational")
 BARELY: Document = {
     "kind": "gear_pair", "equivalent_mass": 0.05, "damping_ratio": 0.1,
     "meshes": [{"name": "mesh", "mean_stiffness": 0.05, "epsilon": 5e-324, "contact_ratio": 2.5,

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from scenes import succeeds
+from scenes import scene_text, succeeds, written
 
 import gearstab as gs
 from gearstab.config import ConfigError, load
@@ -17,28 +17,14 @@ from gearstab.config.sections.sweep import GROUPS
 from gearstab.results import open_result
 from gearstab.results.variables.responses import taken_names
 
-SCENE = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}]
-sweep:
-  AXIS
-  mesh_frequency: [1.5, 2.0, 2.5]
-methods:
-  floquet: {exponents: true}
-  perturbation: {}
-  boundaries: {}
-"""
+SCENE = scene_text("axis_names")
 CASES = "%s: [{label: a, contact_ratio: 1.5}, {label: b, contact_ratio: 1.6}]"
 TIE = "%s: {targets: [contact_ratio, epsilon], values: [[1.5, 1.6], [0.2, 0.3]]}"
 
 
 def scene(folder, axis, name):
-    path = folder / "scene.yaml"
     text = SCENE if name != "mesh_frequency" else SCENE.replace("  mesh_frequency: [1.5, 2.0, 2.5]\n", "")
-    path.write_text(text.replace("AXIS", axis % json.dumps(name)))
-    return path
+    return written(folder, text.replace("sweep:", f"sweep:\n  {axis % json.dumps(name)}"), "scene.yaml")
 
 
 def test_what_results_hold_is_known():

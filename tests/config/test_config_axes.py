@@ -1,6 +1,5 @@
 """Axes: every form of values, what names stand for, and the parameters at points of the grid."""
 
-import tomllib
 from fractions import Fraction
 from itertools import product
 from pathlib import Path
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from scenes import DATA, plain, read, scene_text
+from scenes import plain, read, scene_text, table
 
 from gearstab.config import Axis, Config
 from gearstab.systems import build
@@ -96,11 +95,7 @@ def test_large_range_costs_no_python_loop(tmp_path: Path) -> None:
     assert found.values[1] - found.values[0] == pytest.approx(1 / 2_999_999)
 
 
-AXES = [
-    pytest.param(scene["scene"], row, id=row["line"])
-    for scene in tomllib.loads((DATA / "config" / "axes.toml").read_text())["scene"]
-    for row in scene["axes"]
-]
+AXES = [pytest.param(scene["scene"], row, id=row["line"]) for scene in table("axes")["scene"] for row in scene["axes"]]
 
 
 @pytest.mark.parametrize(("scene", "row"), AXES)

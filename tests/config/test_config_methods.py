@@ -9,27 +9,19 @@ from scenes import ran, refused, scene_text, written
 from gearstab.config import Config, ConfigError, load
 from gearstab.systems import build
 
-TRAIN = """\
-system:
-  kind: matrices
-  mass: [[1, 0], [0, 2]]
-  stiffness: [[1, 0], [0, 1]]
-  meshes:
-    - {name: a, direction: [1, -1], mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: b, direction: [1, 1], mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, MORE
-sweep:
-  mesh_frequency: [1.0, 2.0]
-methods:
-  METHOD
-"""
+TRAIN = scene_text("config_methods")
 IRRATIONAL = "frequency_ratio: 0.70710678, exact: false}"
 
 
 @pytest.mark.parametrize("command", ["check", "sweep"])
 def test_what_does_not_fit_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
-    """What else does not fit stands in the tables of mistakes."""
+    """Other things that do not fit stand in the tables of mistakes."""
     monkeypatch.chdir(tmp_path)
-    written(tmp_path, TRAIN.replace("MORE", IRRATIONAL).replace("METHOD", "floquet: {exponents: true}"), "train.yaml")
+    written(
+        tmp_path,
+        TRAIN.replace("lag: 0}", IRRATIONAL).replace("floquet: {}", "floquet: {exponents: true}"),
+        "train.yaml",
+    )
     done = ran(command, "train.yaml")
     assert (done.exit_code, done.stdout) == (2, "")
     assert done.stderr.startswith("train.yaml:11: methods.floquet.exponents: are not defined without a common period")
@@ -38,18 +30,18 @@ def test_what_does_not_fit_is_one_line(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_an_override_is_named_in_place_of_a_line(tmp_path: Path) -> None:
-    path = written(tmp_path, TRAIN.replace("MORE", "lag: 0}").replace("METHOD", "floquet: {}"), "train.yaml")
+    path = written(tmp_path, TRAIN, "train.yaml")
     said = refused("check", path, "--set", "methods.floquet.block=2")
     assert said.startswith("--set methods.floquet.block: methods.floquet.block: the system has no cyclic")
     assert said.endswith("(got 2); name modes instead\n")
 
 
 def test_bench_names_the_place(tmp_path: Path) -> None:
-    path = written(tmp_path, TRAIN.replace("MORE", IRRATIONAL).replace("METHOD", "floquet: {}"), "train.yaml")
+    path = written(tmp_path, TRAIN.replace("lag: 0}", IRRATIONAL), "train.yaml")
     assert f"{path}:7: system.meshes.1.frequency_ratio: bench: mesh frequencies of irrational ratio" in refused(
         "bench", path, "-o", tmp_path / "out.h5"
     )
-    text = TRAIN.replace("MORE", "lag: 0}").replace("METHOD", "perturbation: {}")
+    text = TRAIN.replace("floquet: {}", "perturbation: {}")
     path.write_text(text.replace("mesh_frequency: [1.0, 2.0]", "epsilon: [0.1, 0.2]"))
     done = ran("bench", path, "-o", tmp_path / "out.h5")
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +11,7 @@ import h5py
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import CONFIGS, DATA, read, scene_text, succeeds, written
+from scenes import CONFIGS, read, scene_text, succeeds, table, written
 
 from gearstab.config import ConfigError
 from gearstab.config.model.units import KNOWN, UnitError, hint_of, scale, to_si
@@ -32,7 +31,7 @@ def first_problem(folder: Path, text: str, *overrides: str):
 
 READINGS = [
     pytest.param(scene["scene"], row, id=row["set"])
-    for scene in tomllib.loads((DATA / "config" / "readings.toml").read_text())["scene"]
+    for scene in table("readings")["scene"]
     for row in scene["readings"]
 ]
 

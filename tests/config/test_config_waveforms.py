@@ -6,29 +6,20 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import scenes
+from scenes import scene_text, table
 
 from gearstab.config import ConfigError, Problem, load
 from gearstab.systems import build
 from gearstab.waveforms import WAVEFORMS, Constant, Fourier, Rectangular, Sampled, ToothPair, Trapezoidal
 
-PAIR = """\
-system:
-  kind: gear_pair
-  equivalent_mass: 1.0
-  meshes:
-    - {{name: mesh, {mesh}}}
-sweep:
-  mesh_frequency: [1.0, 2.0]
-{axes}methods:
-  floquet: {{}}
-"""
+PAIR = scene_text("config_waveforms_pair")
 LEVELS = "mean_stiffness: 2.0, epsilon: 0.1"
 
 
 def written(folder: Path, mesh: str, axes: str = "") -> Path:
-    path = folder / "case.yaml"
-    path.write_text(PAIR.format(mesh=mesh, axes=axes))
-    return path
+    text = PAIR.replace("mean_stiffness: 2.0, epsilon: 0.1, contact_ratio: 1.5", mesh)
+    return scenes.written(folder, text.replace("methods:", f"{axes}methods:"))
 
 
 def mesh_of(folder: Path, mesh: str):
@@ -110,25 +101,13 @@ def test_max_stiffness_keeps_the_level_of_a_trapezoid(tmp_path) -> None:
         assert float(mesh.mean_stiffness) == pytest.approx(1 - 0.2 * 0.6)
 
 
-AXES = {
-    "trapezoidal": ("contact_ratio: 1.4, waveform: {kind: trapezoidal}", "meshes.mesh.waveform.ramp: [0.0, 0.2, 0.9]"),
-    "fourier": ("waveform: {kind: fourier, sin: [0.4, 0.1], cos: [0.2]}", "meshes.0.waveform.sin.1: [0.0, 0.2, 0.3]"),
-    "sampled": (
-        "waveform: {kind: sampled, phase: [0, 0.3, 0.6], stiffness: [1, 3, 2]}",
-        "meshes.0.waveform.stiffness.1: [2.5, 0.5, 2.0]",
-    ),
-    "pair": ("waveform: {kind: pair, shape: parabolic}, mean_stiffness: 1.0", "contact_ratio: [1.2, 1.9, 2.0]"),
-    "ends": (
-        "contact_ratio: 1.5, waveform: {kind: pair, shape: parabolic}, mean_stiffness: 1.0",
-        "meshes.0.waveform.ends: [0.2, 0.55, 1.0]",
-    ),
-}
+AXES = table("waveforms")["axes"]
 
 
 @pytest.mark.parametrize("name", AXES)
 def test_numbers_of_a_waveform_are_axes(name, tmp_path) -> None:
     """A slab of the grid is its points one by one."""
-    text, axis = AXES[name]
+    text, axis = AXES[name]["mesh"], AXES[name]["axis"]
     levels = LEVELS if name in ("trapezoidal", "fourier") else "max_stiffness: 5.0" if name == "sampled" else ""
     config = load(written(tmp_path, f"{levels}, {text}".strip(", "), f"  {axis}\n"))
     key = config.axes[1].name
@@ -176,32 +155,14 @@ def test_mesh_damping_that_follows_the_stiffness(tmp_path) -> None:
     assert constant.terms == ()
 
 
-PLANETARY = """
-system:
-  kind: planetary
-  planets: 3
-  scaling: {scaling}
-  ring: {{kind: rigid}}
-  motion: rotational
-  masses: {{ring: 4.0, planet: 1.0}}
-  inertias: {{carrier: 6.0, sun: 2.5, planet: 2.0}}
-  pressure_angles: {{sun: 0.4, ring: 0.4}}
-  meshes:
-    sun: {{mean_stiffness: 9.0, epsilon: 0.1, contact_ratio: 1.4, damping: 0.6, damping_follows_stiffness: true}}
-    ring: {{mean_stiffness: 25.0, epsilon: 0.1, contact_ratio: 1.6}}
-  phases: {{sun: [0, 0.25, 0.5]}}
-sweep: {{mesh_frequency: [1.0, 2.0]}}
-methods: {{floquet: {{}}}}
-"""
+PLANETARY = scene_text("config_waveforms_planetary")
 
 
 def test_terms_of_a_planetary_gear_are_scaled_as_the_rest(tmp_path) -> None:
-    path = tmp_path / "case.yaml"
-    found = []
-    for scaling in ("SI", "dimensionless"):
-        path.write_text(PLANETARY.format(scaling=scaling))
-        found.append(build(load(path).system))
-    si, scaled = found
+    si, scaled = (
+        build(scenes.read(tmp_path, PLANETARY.replace("scaling: SI", f"scaling: {scaling}")).system)
+        for scaling in ("SI", "dimensionless")
+    )
     assert len(si.terms) == 3
     for one, other in zip(si.terms, scaled.terms, strict=True):
         expected = np.outer(one.left, one.right) * one.damping.value(0.3) / np.sqrt(4.0 * 25.0)
@@ -214,25 +175,7 @@ def sampled(folder: Path, name: str, content: str | None = None):
     return mesh_of(folder, f"waveform: {{kind: sampled, file: {name}}}")
 
 
-FILES = {
-    "commas": "0,1\n0.3,3\n0.6,2\n",
-    "header": "phase,stiffness\n0,1\n0.3,3\n0.6,2\n",
-    "units": "Phase [-], stiffness (N/um)\n0, 1e-6\n0.3, 3e-6\n0.6, 2e-6\n",
-    "an angle": "stiffness [kN/m];phase [deg]\n1e-3;0\n3e-3;108\n2e-3;216\n",
-    "units after blanks": "phase [1]  stiffness [kN / m]\n0  1e-3\n0.3 3e-3\n0.6 2e-3\n",
-    "as NumPy writes it": "# of a mesh cycle\n# phase,stiffness [kN/m]\n0,1e-3\n0.3,3e-3\n0.6,2e-3\n",
-    "a comment": "# a tooth (spur), a test rig (soft)\n0,1\n0.3,3\n0.6,2\n# phase [deg], stiffness [N/um]",
-    "columns by name": 'n;"Stiffness";Phase\n1;1;0\n2;3;0.3\n3;2;0.6\n',
-    "blanks": "# of a mesh cycle\n\n0 1\n  0.3\t3 # here\n0.6 2",
-    "unsorted": "0.6,2\n0,1\n0.3,3\n",
-    "closing row": "0,1\n0.3,3\n0.6,2\n1,1\n",
-    "degrees closed": "phase [deg];stiffness [N/mm]\n0;1e-3\n108;3e-3\n216;2e-3\n360;1e-3\n",
-    "radians unsorted": "phase (rad),stiffness (N/um)\n3.769911184307752,2e-6\n0,1e-6\n1.8849555921538759,3e-6\n",
-    "line of units": "phase;stiffness\ndeg;N/mm\n\n0;1e-3\n108;3e-3\n216;2e-3\n",
-    "line of units in brackets": "phase;stiffness\n[fraction];[kN/m]\n0;1e-3\n0.3;3e-3\n0.6;2e-3\n",
-    "about zero": "phase [deg],stiffness\n-144,2\n0,1\n108,3\n216,2\n",
-    "crlf": "0;1\r\n0.3;3\r\n0.6;2\r\n",
-}
+FILES = table("waveforms")["files"]
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -316,25 +259,13 @@ def test_the_digest_is_that_of_the_content(tmp_path) -> None:
     assert digest("k.csv", "0,1\n0.5,3.0000001\n") != first
 
 
-MATRICES = """\
-system:
-  kind: matrices
-  mass: [[1, 0], [0, 2]]
-  stiffness: [[0.5, 0], [0, 0.1]]
-  meshes:
-    - {{name: a, direction: [1, 1], mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5{mesh}}}
-  terms:
-    - {term}
-sweep:
-  mesh_frequency: [1.0, 2.0]
-{axes}methods: {{floquet: {{}}}}
-"""
+MATRICES = scene_text("config_waveforms_matrices")
 
 
 def matrices(folder: Path, term: str, axes: str = "", mesh: str = "") -> Path:
-    path = folder / "case.yaml"
-    path.write_text(MATRICES.format(term=term, axes=axes, mesh=mesh))
-    return path
+    text = MATRICES.replace("{name: friction, left: [0.3, -0.1], right: [1, 1], stiffness: {mean: 0.05}}", term)
+    text = text.replace("contact_ratio: 1.5}", f"contact_ratio: 1.5{mesh}}}")
+    return scenes.written(folder, text.replace("methods:", f"{axes}methods:"))
 
 
 def test_terms_of_matrices(tmp_path) -> None:

@@ -154,7 +154,7 @@ def winch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.slow  # half a minute; a reducer goes the same way in test_walks.py
+@pytest.mark.slow  # half a minute; a reducer goes the same way above
 def test_the_walk_from_the_drawing_to_the_report(winch: Path) -> None:
     for line in COMMANDS:
         succeeds(*shlex.split(line)[1:])

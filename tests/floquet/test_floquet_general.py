@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from driven import integrated
 from random_trains import light_train
-from scenes import succeeds
+from scenes import scene_text, succeeds
 from systems import DAMPING, G1, G2, MASS, SHAFT, WITH_TERMS, Smooth, friction, train, with_terms
 
 from gearstab.ckernel import exponentials
@@ -209,16 +209,7 @@ def test_a_restriction_keeps_the_terms():
     assert neglected(system, pair) > neglected(replace(system, terms=()), pair)
 
 
-TERMS = """
-system:
-  kind: matrices
-  mass: [[1.0, 0.0], [0.0, 1.0]]
-  stiffness: [[1.0, 0.0], [0.0, 2.0]]
-  meshes: [{name: a, direction: [1.0, 1.0], mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.6%s}]
-%s
-sweep: {mesh_frequency: [1.3, 2.9]}
-methods: {floquet: {}}
-"""
+TERMS = scene_text("floquet_general_terms")
 GYROSCOPIC = """\
   terms:
     - {name: to, left: [1, 0], right: [0, 1], damping: {mean: 0.2}}
@@ -228,7 +219,11 @@ GYROSCOPIC = """\
 
 @pytest.mark.parametrize("command", ["sweep", "dry run", "info"])
 @pytest.mark.parametrize(
-    "text", [TERMS % ("", GYROSCOPIC), TERMS % (", damping: 0.02, damping_follows_stiffness: true", "")]
+    "text",
+    [
+        TERMS.replace("sweep:", f"{GYROSCOPIC}sweep:"),
+        TERMS.replace("1.6}", "1.6, damping: 0.02, damping_follows_stiffness: true}"),
+    ],
 )
 def test_commands_take_terms_beside_rectangular_waves(tmp_path, text, command):
     (tmp_path / "case.yaml").write_text(text)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import DATA, problems, read, written
+from scenes import DATA, problems, read, scene_text, written
 
 from gearstab.system import shared_period
 from gearstab.systems import section
@@ -27,19 +27,7 @@ TRAIN = (
     "system: {kind: two_stage, inertias: [1, 0.3, 4], input_shaft_stiffness: 5.0e7, teeth: [17, 34, 21, 50], load: "
     f"[100, 0, -50], damping_ratio: 0.01, meshes: [{{{MESH}}}, {{{MESH}}}]}}\n"
 )
-PLANETARY = f"""\
-system:
-  kind: planetary
-  planets: 4
-  ring: {{kind: rigid}}
-  motion: rotational
-  masses: {{ring: 6.35, planet: 4.0}}
-  inertias: {{ring: 7.681, carrier: 6.0, sun: 2.5, planet: 2.0}}
-  supports: {{ring_rotation: 1.0e9}}
-  pressure_angles: {{sun: "24.6 deg", ring: "24.6 deg"}}
-  meshes: {{sun: {{{MESH}}}, ring: {{{MESH}}}}}
-  teeth: {{sun: 28, planet: 20, ring: 68}}
-"""
+PLANETARY = scene_text("input_speed_planetary")
 
 
 @pytest.mark.parametrize(

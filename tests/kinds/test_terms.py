@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from driven import FORCE, PULSES, train, with_friction
-from scenes import CONFIGS, read
+from scenes import CONFIGS, read, scene_text
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -137,22 +137,12 @@ def test_sampled_stiffness_from_its_file() -> None:
 # --- vectors of a model of matrices, written as mappings of what is not zero
 
 
-MODEL = """\
-system:
-  kind: matrices
-  {names}
-  mass: [[1, 0, 0], [0, 2, 0], [0, 0, 3]]
-  stiffness: [[2, -1, 0], [-1, 2, -1], [0, -1, 2]]
-  meshes:
-    - {{name: m, direction: {direction}, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}}
-  terms: [{{name: rub, left: {left}, right: {left}, stiffness: {{mean: 0.1}}}}]
-  forces: [{{direction: {left}, sin: [1.0]}}]
-  load: {left}
-"""
+MODEL = scene_text("terms_model")
 
 
 def text(names: str, direction: str, left: str) -> str:
-    return MODEL.format(names=names, direction=direction, left=left)
+    model = MODEL.replace("  coordinates: [q1, q2, q3]", f"  {names}")
+    return model.replace("[1, 0, -2]", direction).replace("[0, 0.5, 0]", left)
 
 
 @pytest.mark.parametrize(

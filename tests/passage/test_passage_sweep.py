@@ -7,7 +7,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 from driven import integrated_along, train
-from scenes import REDUCER, TRAIN, problems, read, result_of, scene_text
+from scenes import REDUCER, TRAIN, problems, read, result_of, scene_data, scene_text
 
 import gearstab as gs
 from gearstab.config import load
@@ -185,14 +185,7 @@ def test_the_rate_changes_at_the_knots_of_a_path() -> None:
     assert growth(motion(system), fine).through == pytest.approx(whole, abs=1e-7)
 
 
-SYSTEM = {
-    "kind": "matrices",
-    "mass": [[1, 0], [0, 1]],
-    "stiffness": [[1, 0], [0, 1.6]],
-    "damping_ratio": 0.002,
-    "rotation": {"speed_ratio": "1/8", "gyroscopic": [[0, -2], [2, 0]], "centripetal": [[-1, 0], [0, -1]]},
-    "meshes": [{"name": "mesh", "direction": [0.8, 0.6], "mean_stiffness": 1.0, "epsilon": 0.1, "contact_ratio": 1.45}],
-}
+SYSTEM = scene_data("passage_rotor")
 SWEEP = {"mesh_frequency": {"start": 3.4, "stop": 3.9, "num": 6}}
 
 

@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ import xarray as xr
 from click.testing import CliRunner, Result
 from hypothesis import HealthCheck, settings
 from pydantic import BaseModel
+from ruamel.yaml import YAML
 
 from gearstab.cli import group, main
 from gearstab.config import Config, ConfigError, Problem, load
@@ -30,6 +32,16 @@ CONFIGURATIONS = sorted(path for path in CONFIGS.rglob("*.yaml") if path.parent.
 def scene_text(name: str) -> str:
     """Text of a configuration in ``tests/data/scenes``."""
     return (DATA / "scenes" / f"{name}.yaml").read_text()
+
+
+def scene_data(name: str) -> dict[str, Any]:
+    """A configuration of ``tests/data/scenes``, or its system."""
+    return YAML(typ="safe").load(scene_text(name))
+
+
+def table(name: str) -> dict[str, Any]:
+    """A table of ``tests/data/config``."""
+    return tomllib.loads((DATA / "config" / f"{name}.toml").read_text())
 
 
 TRAIN = scene_text("train")

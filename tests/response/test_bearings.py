@@ -4,6 +4,7 @@ from math import tau
 
 import numpy as np
 import pytest
+from scenes import scene_data
 from scipy.integrate import solve_ivp
 
 import gearstab
@@ -12,32 +13,8 @@ from gearstab.errors import PlotError
 from gearstab.plots import draw
 
 SPEED = 7000.0
-TRAIN = {
-    "kind": "two_stage",
-    "inertias": [1.0, 0.3, 4.0],
-    "input_shaft_stiffness": 1.0e8,
-    "damping_ratio": 0.05,
-    "load": [900.0, 0.0, 900.0],
-    "meshes": [
-        {"name": name, "mean_stiffness": 1.0e8, "epsilon": 0.3, "waveform": {"kind": "fourier", "cos": [1.0]}}
-        for name in ("first", "second")
-    ],
-}
-GEARBOX = {
-    "kind": "gearbox",
-    "gears": {"pressure_angle": "20 deg"},
-    "rotors": [
-        {"name": "motor", "inertia": 2e-3},
-        {"name": "pinion", "teeth": 20, "module": 0.003, "face_width": 0.02, "mass": 0.4, "inertia": 2e-4,
-         "support": {"stiffness": 2e8, "damping_ratio": 0.03}},
-        {"name": "wheel", "teeth": 40, "module": 0.003, "face_width": 0.02, "mass": 1.5, "inertia": 3e-3,
-         "support": {"stiffness": 3e8, "damping_ratio": 0.03}},
-    ],
-    "shafts": [{"name": "coupling", "between": ["motor", "pinion"], "stiffness": 4e3, "damping_ratio": 0.02}],
-    "meshes": [{"gears": ["pinion", "wheel"], "mean_stiffness": 2e8, "epsilon": 0.25, "contact_ratio": 1.6}],
-    "input": {"rotor": "motor", "torque": 50.0},
-    "outputs": [{"rotor": "wheel"}],
-}  # fmt: skip
+TRAIN = scene_data("bearings_train")
+GEARBOX = scene_data("bearings_gearbox")
 
 
 def swept(system, speeds, **options):
@@ -133,23 +110,7 @@ def test_orders_of_a_slow_run_up_are_those_of_steady_states():
 
 
 TEETH = 20
-CONFIG = {
-    "title": "orders",
-    "system": {
-        "kind": "gearbox",
-        "damping_ratio": 0.03,
-        "gears": {"module": "2 mm", "pressure_angle": "20 deg", "face_width": "20 mm"},
-        "rotors": [
-            {"name": "motor", "inertia": 0.01, "teeth": TEETH, "mass": 1.0, "support": {"stiffness": 1e8}},
-            {"name": "machine", "inertia": 0.03, "teeth": 60},
-        ],
-        "meshes": [{"name": "mesh", "gears": ["motor", "machine"]}],
-        "input": {"rotor": "motor", "torque": 20.0},
-        "outputs": [{"rotor": "machine"}],
-    },
-    "sweep": {"input_speed": {"start": "2000 rpm", "stop": "4000 rpm", "num": 5}},
-    "methods": {"response": {"bearings": True}},
-}
+CONFIG = scene_data("bearings_orders")
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 from driven import CASES, force_peaks, pair, train, with_waves
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import ROOT, plain, ran, scene_text, written
+from scenes import ROOT, plain, ran, scene_data, scene_text, written
 
 import gearstab as gs
 from gearstab.config import load
@@ -264,15 +264,7 @@ def test_a_dimensionless_planetary_gear_feels_the_same() -> None:
 # --- intervals taken together give what they give one by one, for any number of rows, with either kernel
 
 
-TRAIN = {
-    "kind": "two_stage", "units": "none", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 0.5,
-    "damping_ratio": 0.05, "load": [0.0, 0.0, 1.0], "tooth_ratio": "7/11",
-    "meshes": [
-        {"name": "first", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5,
-         "transmission_error": {"sin": [0.1, 0.02], "cos": [0.0, 0.05]}},
-        {"name": "second", "mean_stiffness": 1.0, "epsilon": 0.2, "contact_ratio": 1.6, "phasing": 0.25},
-    ],
-}  # fmt: skip
+TRAIN = scene_data("response_bundles")
 OMEGA = np.array([0.7, 1.9, 2.0, 5.0])
 TOGETHER = 1e-11
 """Difference of sums over the same period in another order."""

@@ -14,7 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from scenes import TRAIN, code, opened
+from scenes import TRAIN, code, opened, scene_text
 
 from gearstab.cli import main
 from gearstab.results import ResultError, open_result
@@ -22,29 +22,8 @@ from gearstab.results.hdf5 import LENGTH, append_seal
 from gearstab.results.read import is_sealed
 
 CONFIGS = {
-    "sweep": """
-title: A train
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  damping_ratio: 0.02
-  load: [0.0, 0.0, 1.0]
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-sweep:
-  case: [{label: in phase, phasing: 0.0}, {label: against, phasing: 0.5}]
-  mesh_frequency: {start: 4.0, stop: 6.0, num: 9}
-  epsilon: [0.1, 0.2, 0.3]
-methods: {floquet: {}, perturbation: {harmonics: 1}, response: {}}
-""",
-    "respond": (
-        TRAIN
-        + """\
-respond: {mesh_frequency: 5, cycles: 20, initial: {velocity: [1, 0, 0]}}
-"""
-    ),
+    "sweep": scene_text("damaged_results"),
+    "respond": f"{TRAIN}respond: {{mesh_frequency: 5, cycles: 20, initial: {{velocity: [1, 0, 0]}}}}\n",
 }
 COMMANDS = {
     "plot": ["plot", "-o", "out.png", "--dpi", "50"],

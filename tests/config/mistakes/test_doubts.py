@@ -1,10 +1,9 @@
 """Valid values that are hardly meant: one line on standard error, the same exit code, nothing for sensible models."""
 
-import tomllib
 from pathlib import Path
 
 import pytest
-from scenes import CONFIGURATIONS, DATA, ran, scene_text, succeeds, written
+from scenes import CONFIGURATIONS, ran, scene_text, succeeds, table, written
 
 from gearstab.config import load
 
@@ -20,7 +19,7 @@ def doubts(folder: Path, text: str, *overrides: str) -> list[tuple[str, str]]:
 
 SLIPS = [
     pytest.param(scene["scene"], slip, id=" ".join(slip["set"])[:50])
-    for scene in tomllib.loads((DATA / "config" / "doubts.toml").read_text())["scene"]
+    for scene in table("doubts")["scene"]
     for slip in scene["doubts"]
 ]
 

@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 import pytest
 from driven import train, with_friction, with_waves
 from random_rotors import random_rotor
+from scenes import scene_data
 
 import gearstab as gs
 from gearstab.config import ConfigError
@@ -121,15 +121,7 @@ def test_rows_are_those_of_single_systems() -> None:
         np.testing.assert_allclose(single, expected, rtol=2e-6)
 
 
-ROTOR: dict[str, Any] = {
-    "system": {
-        "kind": "matrices", "mass": [[1, 0], [0, 1]], "stiffness": [[1, 0], [0, 1.5]],
-        "rotation": {"speed_ratio": "1/3", "gyroscopic": [[0, -0.5], [0.5, 0]]},
-        "meshes": [{"name": "m", "direction": [1, 0.7], "mean_stiffness": 1, "epsilon": 0.3, "contact_ratio": 1.4}],
-    },
-    "sweep": {"mesh_frequency": {"start": 2.0, "stop": 4.5, "num": 101}},
-    "methods": {"required_damping": {}, "floquet": {}},
-}  # fmt: skip
+ROTOR = scene_data("required_damping_rotor")
 
 
 def test_from_a_configuration_to_a_result() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import scene_data
 
 import gearstab as gs
 from gearstab.config import ConfigError
@@ -147,14 +148,7 @@ def test_equal_exponents_keep_their_curves() -> None:
     )  # fmt: skip
 
 
-CONFIG = {
-    "system": {
-        "kind": "matrices", "mass": [[1.0, 0], [0, 1.0]], "stiffness": [[4.0, 0], [0, 4.0]],
-        "meshes": [{"direction": [1.0, 0], "mean_stiffness": 0.5, "epsilon": 0.2, "contact_ratio": 1.5}],
-        "rotation": {"speed_ratio": "1/10", "gyroscopic": [[0, 1.0], [-1.0, 0]]},
-    },
-    "methods": {"natural_frequencies": {}},
-}  # fmt: skip
+CONFIG = scene_data("whirl_rotor")
 
 
 def test_over_the_axes_of_a_sweep() -> None:

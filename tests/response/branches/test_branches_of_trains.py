@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 from driven import integrated_with_backlash
+from scenes import scene_data
 
 import gearstab
 from gearstab.response.backlash.branches import BranchSearch, Starts
@@ -113,25 +114,7 @@ def test_motions_of_the_planetary_gear_are_integrated_ones() -> None:
         np.testing.assert_allclose(end, start, atol=1e-8)
 
 
-GEARBOX = {
-    "kind": "gearbox", "gears": {"module": "3 mm", "pressure_angle": "20 deg"},
-    "rotors": [
-        {"name": "motor", "inertia": 0.002}, {"name": "pinion", "teeth": 20, "face_width": "20 mm"},
-        {"name": "wheel", "teeth": 40, "face_width": "20 mm"},
-        {"name": "second pinion", "teeth": 20, "face_width": "30 mm"},
-        {"name": "second wheel", "teeth": 40, "face_width": "30 mm"}, {"name": "machine", "inertia": 0.5},
-    ],
-    "shafts": [
-        {"name": "input", "between": ["motor", "pinion"], "stiffness": 2e4, "damping_ratio": 0.03},
-        {"name": "middle", "between": ["wheel", "second pinion"], "stiffness": 2e5, "damping_ratio": 0.03},
-        {"name": "output", "between": ["second wheel", "machine"], "stiffness": 2e5, "damping_ratio": 0.03},
-    ],
-    "meshes": [
-        {"name": "first", "gears": ["pinion", "wheel"], "backlash": "0.1 mm", "damping_ratio": 0.05},
-        {"name": "second", "gears": ["second pinion", "second wheel"], "backlash": "0.1 mm", "damping_ratio": 0.05},
-    ],
-    "input": {"rotor": "motor"}, "outputs": [{"rotor": "machine", "torque": 80.0}],
-}  # fmt: skip
+GEARBOX = scene_data("branches_of_trains_gearbox")
 
 
 def test_a_gearbox_jumps_where_its_teeth_part() -> None:
