@@ -45,7 +45,8 @@ one common period T with u(T) = exp(i theta) u(0). It is an exact integer of the
 which the monodromy matrix alone cannot give. It is asked for at few points. At a point between two of them it follows
 from monotony: each N(theta) never falls, and neither does the sum of all Theta_i, which tells W unless it has grown by
 a whole turn (pairs off the circle, at phi and -phi or at +-1, add a multiple of pi to it). On the pieces between the
-jumps of K the form is reduced to the displacements at the jumps, as in the algorithm of Wittrick & Williams (1971, Q. J. Mech. Appl. Math. 24, 263-284):
+jumps of K the form is reduced to the displacements at the jumps, as in the algorithm of Wittrick & Williams (1971,
+Q. J. Mech. Appl. Math. 24, 263-284):
 
     N(theta) = sum over segments and modes of floor(w t/pi) + sum over inner jumps of s(D B^-1 + w cot w t)
                + s(B^-1 A + D B^-1 - exp(i theta) B^-1 - exp(-i theta) B^-T),
