@@ -8,6 +8,7 @@ then what a Lyapunov equation makes of the unit matrix, by sweeps backwards, whi
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import matrix_balance
 
 Array = np.ndarray
 
@@ -59,16 +60,23 @@ def _swept(propagators: Array, shares: Array, decay: Array) -> list[Array]:
 
 REAL = 1e-12
 """Imaginary part, relative to the modulus, below which an eigenvalue is real."""
+PARALLEL = 1e3
+"""Condition beyond which eigenvectors are no coordinates."""
 BALANCING = 5
 """Rounds of balancing the lengths of eigenvectors."""
 
 
 def modal(generators: Array, share: Array) -> Array:
-    """Real coordinates ``(m, m)`` of the eigenvectors of the mean of generators ``(D, m, m)``, in balance."""
-    values, vectors = np.linalg.eig(np.tensordot(share, generators, 1))
+    """Real coordinates ``(m, m)`` of the eigenvectors of the mean of generators ``(D, m, m)``, in balance; where these
+    are nearly parallel, the given coordinates in other units.
+    """
+    mean = np.tensordot(share, generators, 1)
+    scale = matrix_balance(mean, permute=False)[1]
+    values, vectors = np.linalg.eig(mean)
     pairs = values.imag > REAL * np.abs(values)
     own = pairs | (np.abs(values.imag) <= REAL * np.abs(values))
-    return balanced(vectors[:, own], pairs[own], generators, share)
+    modes = balanced(vectors[:, own], pairs[own], generators, share)
+    return modes if np.linalg.cond(modes / np.diag(scale)[:, None]) < PARALLEL else scale
 
 
 def balanced(vectors: Array, pairs: Array, generators: Array, share: Array) -> Array:

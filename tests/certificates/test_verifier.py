@@ -268,6 +268,7 @@ def test_the_proof_imports_nothing_of_the_program() -> None:
         "math",
         "numpy",
         "flint",
+        "scipy.linalg",
         "typing",
     }
     names = ("choices", "balls", "equations", "verifier", "roots", "counting", "carried", "lyapunov")
