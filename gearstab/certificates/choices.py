@@ -60,7 +60,7 @@ def _swept(propagators: Array, shares: Array, decay: Array) -> list[Array]:
 
 REAL = 1e-12
 """Imaginary part, relative to the modulus, below which an eigenvalue is real."""
-PARALLEL = 1e3
+PARALLEL = 1e5
 """Condition beyond which eigenvectors are no coordinates."""
 BALANCING = 5
 """Rounds of balancing the lengths of eigenvectors."""

@@ -53,7 +53,7 @@ def with_samples(
             continue
         if wave is Sampled and _constant(section.stiffness):
             _check_variation(document, system, path, axes)
-        elif wave is TorqueTable:
+        elif wave is TorqueTable and hasattr(section, "torques"):  # no file, no torques: said elsewhere
             _check_torque(document, section, path, axes)
     return system, contents, doubts
 

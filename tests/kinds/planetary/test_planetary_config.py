@@ -8,7 +8,6 @@ from planetary_gears import configuration
 from scenes import CONFIGS, succeeds, written
 
 from gearstab.config import load
-from gearstab.info.text import report
 from gearstab.modal import mean_modes
 from gearstab.symmetry import natural_modes, type_names
 from gearstab.systems import build
@@ -91,7 +90,7 @@ def test_info_names_types_and_the_rule(scene):
     assert first["w1+w3"]["allowed"] is True
     assert first["2w3"]["allowed"] is False
     assert first["2w3"]["half_width"] < 1e-9
-    text = report(facts)
+    text = succeeds("info", scene).output
     assert "purely ring" in text
     assert "Existence rule" in text
 
