@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import gearstab as gs
 from gearstab.plots import draw
 from gearstab.plots.axes import FigureAxis
 from gearstab.plots.drawing.labels import FAR, isotonic, pack, place
@@ -84,6 +85,31 @@ def test_a_tongue_that_closes_before_the_end_is_pointed_at_from_within():
     np.testing.assert_allclose(ends[:, 0], 5.423447526)
     np.testing.assert_allclose(ends[:, 1], [0.35, 0.5])
     assert r"$2\omega_{3}$" in texts
+
+
+def test_a_curve_names_regions_that_are_narrower_than_their_lines():
+    mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.005, "contact_ratio": 1.25}
+    system = {"kind": "gear_pair", "equivalent_mass": 1.0, "meshes": [mesh]}
+    speeds = {"mesh_frequency": {"start": 0.9, "stop": 2.2, "num": 27}}
+    result = gs.sweep({"system": system, "sweep": speeds, "methods": {"floquet": {}, "boundaries": {}}})
+    edges = result["boundaries"]["boundary_frequency"].values
+    # Thousandths of the frame: a map gives them no name.
+    assert np.all(np.diff(edges, axis=1) < 0.004 * 1.3)
+    _, artists = draw(result, "curve")
+    named = {text.get_text() for text in artists["names"].texts}
+    assert named == {tongue_label(label) for label in ("w1", "2w1")}
+
+
+@pytest.mark.parametrize(("until", "told"), [(7.0, False), (3.0, True)])
+def test_the_legend_of_a_map_tells_white_cells_from_tinted_ones(until, told):
+    coords = made.axes()
+    group = made.boundary_group(coords)
+    ends = np.broadcast_to(np.array([0.35, until])[None, :, None], (1, 2, coords["epsilon"][1].size))
+    group["proved_frequency"] = (("stretch", "side", "epsilon"), ends, {"units": "rad/s"})
+    figure, _ = draw(made.tree(floquet=made.floquet_group(coords), boundaries=group), "map")
+    entries = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert ("stable, not proved" in entries) is told
+    assert "proved stable" in entries
 
 
 numbers = st.lists(st.floats(0, 100), min_size=1, max_size=25)

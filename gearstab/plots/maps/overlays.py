@@ -141,14 +141,10 @@ CERTIFIED = "#9fc3a5"
 """Colour of the hatching."""
 
 
-OVERLOOKED = 0.003
-"""The part of a map's cells, at edges of regions, that nobody sees."""
-
-
 class ProvedTint(PolyCollection):
     """Ranges that are proved stable; ``certified``: share of the range with certificates, None without any.
 
-    gaps: whether more cells than are overlooked are stable too, which stay white.
+    gaps: whether other cells of a map are stable too, which stay white.
     """
 
     certified: float | None = None
@@ -239,10 +235,11 @@ def draw_over(tree: xr.DataTree, ax: Axes, view: View, stable: Array | None = No
     ends = read_proved(tree, view, found[0]) if tint is not None and found is not None else None
     if tint is None or found is None or stable is None or ends is None or view.speed is None:
         return tint
-    # An odd number of ends below a speed is a stretch that is open; NaN of missing stretches sort behind all speeds.
-    rows = (np.searchsorted(np.sort(row, axis=None), view.speed.ascending) % 2 == 1 for row in np.moveaxis(ends, -1, 0))
-    proved = np.array(list(rows))
-    tint.gaps = bool(np.mean(stable & ~(proved if found[1] else proved.T)) > OVERLOOKED)
+    # Within a stretch one more has begun than has ended; NaN of missing stretches sort behind all speeds.
+    speeds, begun, ended = view.speed.ascending, np.sort(ends[:, 0].T), np.sort(ends[:, 1].T)
+    rows = zip(begun, ended, strict=True)
+    proved = np.array([np.searchsorted(a, speeds, "right") > np.searchsorted(b, speeds, "left") for a, b in rows])
+    tint.gaps = bool(np.any(stable & ~(proved if found[1] else proved.T)))
     return tint
 
 
