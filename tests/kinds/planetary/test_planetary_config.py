@@ -1,12 +1,11 @@
 """``kind: planetary`` in configurations, and what commands make of it."""
 
-import json
-
 import numpy as np
 import pytest
 from planetary_gears import configuration
-from scenes import CONFIGS, succeeds, written
+from scenes import CONFIGS, written
 
+import gearstab as gs
 from gearstab.config import load
 from gearstab.modal import mean_modes
 from gearstab.symmetry import natural_modes, type_names
@@ -79,8 +78,7 @@ def test_teeth_give_the_phases(scene):
 
 
 def test_info_names_types_and_the_rule(scene):
-    result = succeeds("info", scene, "--json")
-    facts = json.loads(result.output)
+    facts = gs.info(scene)
     kinds = [mode["type"] for mode in facts["modes"][:9]]
     short = {"translational": "T", "rotational": "R", "planet": "P", "purely ring": "PR"}
     assert [short[kind] for kind in kinds] == ["T", "T", "R", "P", "T", "T", "R", "PR", "P"]
@@ -90,9 +88,8 @@ def test_info_names_types_and_the_rule(scene):
     assert first["w1+w3"]["allowed"] is True
     assert first["2w3"]["allowed"] is False
     assert first["2w3"]["half_width"] < 1e-9
-    text = succeeds("info", scene).output
-    assert "purely ring" in text
-    assert "Existence rule" in text
+    assert "purely ring" in facts.text
+    assert "Existence rule" in facts.text
 
 
 # --- natural frequencies of planetary gears with a rigid ring as other papers print them
