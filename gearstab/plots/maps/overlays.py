@@ -142,11 +142,13 @@ CERTIFIED = "#9fc3a5"
 
 
 class ProvedTint(PolyCollection):
-    """Ranges that are proved stable; ``certified``: share of the range with certificates, None without any.
+    """Ranges that are proved stable, ``ends``, as :func:`read_proved` has them; None where certificates stand alone.
 
-    gaps: whether other cells of a map are stable too, which stay white.
+    certified: share of the range with certificates, None without any. gaps: whether other cells of a map are stable
+    too, which stay white.
     """
 
+    ends: Array | None = None
     certified: float | None = None
     gaps: bool = False
 
@@ -184,6 +186,7 @@ def draw_proved(
     corners = [] if ends is None else _corners(ends, parameter, frequency_on_x)
     tint = ProvedTint(corners, facecolors=PROVED, linewidths=0, zorder=0.4, antialiaseds=False, transform=across)
     ax.add_collection(tint, autolim=False)
+    tint.ends = ends
     if pieces is not None:
         hatched = _corners(_joined(pieces), parameter, frequency_on_x)
         ax.add_collection(
@@ -232,11 +235,10 @@ def draw_over(tree: xr.DataTree, ax: Axes, view: View, stable: Array | None = No
     """
     found = parameter_axis(view)
     tint = draw_proved(tree, ax, view, *found) if found is not None else None
-    ends = read_proved(tree, view, found[0]) if tint is not None and found is not None else None
-    if tint is None or found is None or stable is None or ends is None or view.speed is None:
+    if tint is None or found is None or stable is None or tint.ends is None or view.speed is None:
         return tint
     # Within a stretch one more has begun than has ended; NaN of missing stretches sort behind all speeds.
-    speeds, begun, ended = view.speed.ascending, np.sort(ends[:, 0].T), np.sort(ends[:, 1].T)
+    speeds, begun, ended = view.speed.ascending, np.sort(tint.ends[:, 0].T), np.sort(tint.ends[:, 1].T)
     rows = zip(begun, ended, strict=True)
     proved = np.array([np.searchsorted(a, speeds, "right") > np.searchsorted(b, speeds, "left") for a, b in rows])
     tint.gaps = bool(np.any(stable & ~(proved if found[1] else proved.T)))
