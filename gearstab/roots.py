@@ -12,6 +12,7 @@ import numpy as np
 from gearstab.system import Array
 
 ROUNDS = 100
+"""Steps at the most; bisection alone needs some 60 to neighbouring numbers."""
 
 
 @dataclass

@@ -109,11 +109,14 @@ class Flow:
         forms, form_radii = enclosed([[form, form.inv()]]) if form is not None else (np.empty((1, 0)), np.empty((1, 0)))
         return Enclosed(modes, terms, radii, forms[0], form_radii[0])
 
+    def powers(self, omega: float) -> Array:
+        """Return the factors on the terms of each state over a period, without 2 pi N: 1/Omega, or 1, 1/Omega, ..."""
+        return omega ** -np.arange(3.0) if self.following else np.array([1 / omega])
+
     def decay(self, own: Enclosed, omega: float) -> Array:
         """Return how much each mode of the mean system decays in a period, about."""
-        powers = omega ** -np.arange(3.0) if self.following else np.array([1 / omega])
         mean = np.tensordot(np.bincount(self.states, self.fractions), own.terms, 1)
-        return -2 * np.pi * self.cycles * np.einsum("i,ijj->j", powers, mean)
+        return -2 * np.pi * self.cycles * np.einsum("i,ijj->j", self.powers(omega), mean)
 
     @cached_property
     def sorts(self) -> tuple[Array, Array, Array]:

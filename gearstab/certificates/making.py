@@ -21,8 +21,7 @@ def claimed(flow: Flow, low: float, high: float) -> Certificate | None:
     """Return what the multipliers in the middle suggest; None where rounding has the last word."""
     omega = float(np.sqrt(low * high))
     own, share = flow.enclosed(omega), np.bincount(flow.states, flow.fractions)
-    powers = omega ** -np.arange(3.0) if flow.following else np.array([1 / omega])
-    generators = 2 * np.pi * flow.cycles * np.einsum("i,dijk->djk", powers, own.terms)
+    generators = 2 * np.pi * flow.cycles * np.einsum("i,dijk->djk", flow.powers(omega), own.terms)
     states, fractions, sorts = flow.sorts
     steps, monodromy = ckernel.exponentials(generators[states] * fractions[:, None, None]), np.eye(len(own.modes))
     for sort in sorts:
