@@ -17,8 +17,7 @@ from gearstab.config.model.conflicts import plain_number
 from gearstab.config.model.values import Quantity
 from gearstab.config.sections.dimensions import quantity_at
 from gearstab.waveforms import Sampled, TorqueTable, Waveform
-from gearstab.waveforms.sampled import out_of_table
-from gearstab.waveforms.samples import MOST_SAMPLES
+from gearstab.waveforms.sampled import MOST_SAMPLES, out_of_table
 from gearstab.waveforms.section import waveforms
 
 SUFFIXES = (".csv", ".txt", ".h5", ".hdf5")

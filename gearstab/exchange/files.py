@@ -19,7 +19,7 @@ from gearstab.results.output import OTHERS, RESULTS, TABLES, Content, write_byte
 from gearstab.system import Array, GearSystem
 from gearstab.systems.matrix_files import MOST_COORDINATES, read_market, read_matrices
 from gearstab.waveforms import Constant
-from gearstab.waveforms.samples import NARROWEST
+from gearstab.waveforms.sampled import NARROWEST
 
 MODELS = (".mat", ".npz")
 INSIDE = 1e-9

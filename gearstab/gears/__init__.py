@@ -8,7 +8,7 @@
 - ``tooth_compliance``, ``pair_stiffness`` (compliance): of one tooth, of one pair along the path of contact s.
 - ``StiffnessModel``, ``mesh_stiffness``, ``contact_stiffness`` (mesh_stiffness): over the mesh cycle; its ``waveform``
   and ``mean``, ``epsilon`` make a ``Mesh``; ``rectangular`` and ``series`` are its reductions.
-- ``Relief``, ``FlankRelief`` (relief), ``loaded_mesh`` (loaded, loaded_helical): tangent stiffness and static
+- ``Relief``, ``FlankRelief`` (relief), ``loaded_mesh`` (loaded): tangent stiffness and static
   transmission error under load.
 - ``load_shares``, ``mesh_root_stress``, ``root_stress``, ``critical_section``, ``contact_pressure`` (stress).
 - ``ConstantFriction``, ``XuKahraman``, ``BenedictKelley``, ``mesh_friction`` (friction): periodic functions for

@@ -7,11 +7,10 @@ configuration, and one line in ``WAVEFORMS``; :mod:`.section` puts the keys of a
 from gearstab.waveforms.base import Profile, Waveform
 from gearstab.waveforms.fourier import Fourier
 from gearstab.waveforms.profile import Constant, Product, Scaled
-from gearstab.waveforms.rectangular import Rectangular
+from gearstab.waveforms.rectangular import Helical, Rectangular, Trapezoidal
 from gearstab.waveforms.sampled import Sampled, TorqueTable
 from gearstab.waveforms.tooth import Tooth
 from gearstab.waveforms.tooth_pair import ToothPair
-from gearstab.waveforms.trapezoidal import Helical, Trapezoidal
 
 WAVEFORMS: dict[str, type[Waveform]] = {
     "rectangular": Rectangular,

@@ -15,7 +15,7 @@ from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
 from gearstab.config.model.fields import NonNegative, optional
 from gearstab.config.model.values import Choice, Quantity
 from gearstab.waveforms.base import Array, Keys, OfStiffness, WrongSample, as_array, stiff_fraction, wrapped
-from gearstab.waveforms.samples import SampleKeys, missing_source, sample_conflicts, wrong_number, wrong_order
+from gearstab.waveforms.sampled import SampleKeys, missing_source, sample_conflicts, wrong_number, wrong_order
 from gearstab.waveforms.splines import Pieces, cubic_extremes, interpolate
 
 PARABOLA_ENDS = 0.55

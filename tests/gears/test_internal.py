@@ -10,11 +10,10 @@ from scenes import DATA
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from gearstab.gears.compliance import FOUNDATION, contact_compliance, pair_stiffness, tooth_compliance
+from gearstab.gears.compliance import FOUNDATION, contact_compliance, foot_compliance, pair_stiffness, tooth_compliance
 from gearstab.gears.geometry import Gear, involute
 from gearstab.gears.mesh_stiffness import StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
-from gearstab.gears.rim import foot_compliance
 
 ROWS = json.loads((DATA / "teeth" / "reference_relief_internal_phases.json").read_text())["internal"]
 RING = Pair(Gear(24, 0.003), Gear(78, 0.003, internal=True))

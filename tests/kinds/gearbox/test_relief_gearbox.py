@@ -15,8 +15,7 @@ from gearstab.config import ConfigError
 from gearstab.design import check, search
 from gearstab.design.judge import Judge
 from gearstab.design.problem import DesignProblem
-from gearstab.gears.loaded import loaded_mesh
-from gearstab.gears.loaded_helical import LoadedHelical
+from gearstab.gears.loaded import LoadedHelical, loaded_mesh
 from gearstab.gears.mesh_stiffness import single_stiffness
 from gearstab.gears.relief import FlankRelief, Relief
 from gearstab.modal import static_mesh_force
