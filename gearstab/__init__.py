@@ -22,14 +22,14 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from gearstab.api.configurations import build, info, load
+    from gearstab.api import build, info, load
     from gearstab.api.runs import design, plot, respond, save, sweep
     from gearstab.api.stability import boundaries, floquet, perturbation
     from gearstab.exchange.files import dump, export_matrices, from_matrices
     from gearstab.exchange.programs import from_opentorsion, from_ross
 
 ROOMS = {
-    "api.configurations": ("build", "info", "load"),
+    "api": ("build", "info", "load"),
     "api.runs": ("design", "plot", "respond", "save", "sweep"),
     "api.stability": ("boundaries", "floquet", "perturbation"),
     "exchange.files": ("dump", "export_matrices", "from_matrices"),

@@ -14,7 +14,7 @@ from fractions import Fraction
 import numpy as np
 
 from gearstab.waveforms import Constant, Fourier, Profile, Rectangular, Waveform
-from gearstab.waveforms.profile import harmonic
+from gearstab.waveforms.base import harmonic
 
 Array = np.ndarray
 

@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from gearstab.gears.compliance import FOUNDATION, pair_stiffness, tooth_compliance
-from gearstab.gears.geometry import Gear
+from gearstab.gears.geometry import Gear, tooth_profile
 from gearstab.gears.mesh_stiffness import mesh_stiffness
 from gearstab.gears.pair import Pair
-from gearstab.gears.profile import tooth_profile
 
 BENCHMARKS = ((19, 48, 3.175e-3, 0.016), (28, 28, 3.175e-3, 0.0254), (25, 25, 3e-3, 0.02))
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearstab.api.configurations import Source, as_config
+from gearstab.api import Source, as_config
 from gearstab.sweep import Reporter
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gearstab.api.configurations import Source, as_system
+from gearstab.api import Source, as_system
 from gearstab.config import ConfigError
 from gearstab.config.document.tree import document_of
 from gearstab.errors import NotPossible

@@ -54,8 +54,7 @@ def command(
             say(cost.text())
         return
     prepare(target)
-    from gearstab.bench import measure
-    from gearstab.bench.work_precision import bench_group, table
+    from gearstab.bench import bench_group, measure, table
     from gearstab.results import Group, ResultTree, write_result
     from gearstab.results.provenance import modes_group, root_attributes
     from gearstab.results.read import BENCH

@@ -18,7 +18,7 @@ import numpy as np
 
 from gearstab.design.judge import Goal, Judge
 from gearstab.design.problem import DesignProblem
-from gearstab.design.tongues import WEIGHTS, step
+from gearstab.design.regions import WEIGHTS, step
 from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED

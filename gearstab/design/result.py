@@ -10,10 +10,9 @@ import numpy as np
 
 from gearstab.config.sections.objectives import QUANTITIES, objective_name, objective_unit
 from gearstab.design import quantities, regions
-from gearstab.design.answer import answer
 from gearstab.design.judge import AT_ONCE, Judge, limited
 from gearstab.design.problem import Batch, DesignProblem
-from gearstab.design.solution import Solution
+from gearstab.design.solution import Solution, answer
 from gearstab.floquet import solve
 from gearstab.results import Group, Variable, fields_of
 from gearstab.results.display import in_units_of, unit_of

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.api.configurations import Source, as_config, as_system
+from gearstab.api import Source, as_config, as_system
 from gearstab.config.document.files import DataFileError, arrays, numbers
 from gearstab.errors import NotPossible, OutputError
-from gearstab.exchange.model import Model, merged, model
+from gearstab.exchange import Model, linear_model, merged
 from gearstab.mesh import Mesh
 from gearstab.results.output import OTHERS, RESULTS, TABLES, Content, write_bytes
 from gearstab.system import Array, GearSystem
@@ -65,7 +65,7 @@ def from_matrices(
     first, second, third = matrices
     if first is None or second is None:
         raise NotPossible("mass is missing")
-    return model(first, second, third, merged((), meshes, "model"), modes, **more)
+    return linear_model(first, second, third, merged((), meshes, "model"), modes, **more)
 
 
 def dense(part: Any) -> Array:

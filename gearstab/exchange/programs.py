@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.exchange import Model, linear_model, merged
 from gearstab.exchange.files import dense
-from gearstab.exchange.model import Model, merged, model
 from gearstab.system import Array
 
 LETTERS = ("x", "y", "z", "alpha", "beta", "theta")
@@ -70,7 +70,7 @@ def from_ross(
             | {"gyroscopic": matrix}
             for _, own, matrix in shafts
         ]
-    found = model(dense(rotor.M(speed)), stiffness, dense(rotor.C(speed)), entries, modes, **more)
+    found = linear_model(dense(rotor.M(speed)), stiffness, dense(rotor.C(speed)), entries, modes, **more)
     found.note = "; ".join(filter(None, (found.note, note)))
     return found
 
@@ -183,4 +183,4 @@ def from_opentorsion(
     rows = [np.flatnonzero((transform == unit).all(axis=1)) for unit in np.eye(transform.shape[1])]
     names = [f"node{row[0]}" for row in rows]
     more = {"coordinates": names, "coordinate_units": "rad", "deflection_unit": "rad"}
-    return model(dense(assembly.M), stiffness, dense(assembly.C), entries, modes, **more)
+    return linear_model(dense(assembly.M), stiffness, dense(assembly.C), entries, modes, **more)

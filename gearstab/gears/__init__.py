@@ -4,7 +4,7 @@
   ``pair.pressure_angle``, ``pair.pitch_phase`` and the like.
 - ``PlanetSet``, ``closing_shifts`` (planet_set): a planet between sun and ring, its profile shifts and the lag of its
   meshes.
-- ``tooth_profile`` (profile): flank and fillet as cut.
+- ``tooth_profile`` (geometry): flank and fillet as cut.
 - ``tooth_compliance``, ``pair_stiffness`` (compliance): of one tooth, of one pair along the path of contact s.
 - ``StiffnessModel``, ``mesh_stiffness``, ``contact_stiffness`` (mesh_stiffness): over the mesh cycle; its ``waveform``
   and ``mean``, ``epsilon`` make a ``Mesh``; ``rectangular`` and ``series`` are its reductions.

@@ -24,9 +24,8 @@ from math import ceil, log, pi, sqrt
 
 import numpy as np
 
-from gearstab.gears.geometry import Gear
+from gearstab.gears.geometry import NODES, Gear, ToothProfile, flank, tooth_profile
 from gearstab.gears.pair import Pair
-from gearstab.gears.profile import NODES, ToothProfile, flank, tooth_profile
 
 Array = np.ndarray
 

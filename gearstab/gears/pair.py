@@ -12,8 +12,7 @@ from math import acos, asin, cos, degrees, pi, sin, sqrt, tan
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.gears.geometry import Gear, inverse_involute, involute
-from gearstab.gears.profile import tooth_profile
+from gearstab.gears.geometry import Gear, inverse_involute, involute, tooth_profile
 from gearstab.waveforms.base import wrapped
 
 Array = np.ndarray

@@ -8,10 +8,9 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from gearstab.gears.geometry import Gear
+from gearstab.gears.geometry import Gear, tooth_profile
 from gearstab.gears.mesh_stiffness import PLAIN, StiffnessModel, contact_stiffness
 from gearstab.gears.pair import Pair
-from gearstab.gears.profile import tooth_profile
 
 Array = np.ndarray
 

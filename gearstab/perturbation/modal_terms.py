@@ -12,7 +12,7 @@ from gearstab.grouping import Columns
 from gearstab.modal import Modes, significant_deflection
 from gearstab.perturbation.tongues import harmonic_at
 from gearstab.system import Array, GearSystem
-from gearstab.waveforms.profile import harmonic
+from gearstab.waveforms.base import harmonic
 
 
 @dataclass(frozen=True)

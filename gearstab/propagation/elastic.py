@@ -16,7 +16,7 @@ import numpy as np
 from gearstab.grouping import equal_rows
 from gearstab.propagation.first_order import UNDAMPED, FirstOrder, ModalMatrices, acted_on
 from gearstab.system import Array, GearSystem
-from gearstab.waveforms.profile import harmonic
+from gearstab.waveforms.base import harmonic
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,8 @@ A waveform is one file with one frozen class that overrides what :class:`Wavefor
 configuration, and one line in ``WAVEFORMS``; :mod:`.section` puts the keys of all of them together.
 """
 
-from gearstab.waveforms.base import Profile, Waveform
+from gearstab.waveforms.base import Constant, Product, Profile, Scaled, Waveform
 from gearstab.waveforms.fourier import Fourier
-from gearstab.waveforms.profile import Constant, Product, Scaled
 from gearstab.waveforms.rectangular import Helical, Rectangular, Trapezoidal
 from gearstab.waveforms.sampled import Sampled, TorqueTable
 from gearstab.waveforms.tooth import Tooth

@@ -14,8 +14,8 @@ import numpy as np
 from bench.measuring import show, turns
 from bench.scenes import CONFIGS
 from gearstab.bench import reference
+from gearstab.bench.methods import integration, periods
 from gearstab.bench.scene import Scene
-from gearstab.bench.smooth_methods import integration, periods
 from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.system import Array

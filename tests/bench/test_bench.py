@@ -12,7 +12,8 @@ from planetary_gears import SUPPORTS, parameters, with_epsilon
 from scenes import opened, refused, scene_text, succeeds
 from systems import two_stage
 
-from gearstab.bench import Scene, costs, measure, reference, without_rigid_modes, work_precision
+from gearstab import bench
+from gearstab.bench import Scene, costs, measure, reference, without_rigid_modes
 from gearstab.bench.methods import METHODS, Entry
 from gearstab.floquet import solve
 from gearstab.mesh import PeriodicTerm
@@ -119,10 +120,10 @@ def test_mass_proportional_damping_is_measured_by_every_method():
 
 def test_a_run_shorter_than_a_tick_of_the_clock_is_repeated(monkeypatch: pytest.MonkeyPatch):
     ticks = iter([5.0, 5.0, 5.0, 5.0, 5.5])
-    monkeypatch.setattr(work_precision, "process_time", lambda: next(ticks))
+    monkeypatch.setattr(bench, "process_time", lambda: next(ticks))
     runs = []
     entry = replace(METHODS[0], run=lambda *given: runs.append(given))
-    assert work_precision._timed(entry, None, np.zeros(1), 0.0) == 0.5 / 4
+    assert bench._timed(entry, None, np.zeros(1), 0.0) == 0.5 / 4
     assert len(runs) == 4
 
 

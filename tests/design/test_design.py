@@ -17,9 +17,8 @@ from gearstab.design.judge import Judge
 from gearstab.design.pareto import nondominated, thinned
 from gearstab.design.problem import DesignProblem
 from gearstab.design.reasons import margins, sensitivities
-from gearstab.design.regions import united
+from gearstab.design.regions import tongues, united
 from gearstab.design.search import first
-from gearstab.design.tongues import tongues
 from gearstab.errors import PlotError
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries

@@ -15,7 +15,7 @@ from scipy.linalg import expm
 from gearstab.config import load
 from gearstab.design.problem import DesignProblem
 from gearstab.design.quantities import EXACT
-from gearstab.design.tongues import single
+from gearstab.design.regions import single
 from gearstab.floquet.boundaries import boundaries
 from gearstab.gears.loaded import equilibrium
 from gearstab.gears.mesh_stiffness import single_stiffness

@@ -11,7 +11,7 @@ from scenes import TRAIN, read, scene_text
 from scipy.linalg import expm
 
 from gearstab.design.problem import DesignProblem
-from gearstab.design.tongues import DesignTongues, tongues
+from gearstab.design.regions import DesignTongues, tongues
 
 VARIABLES = scene_text("edge_sensitivities_variables")
 DAMPING = "    damping_ratio: [0.0, 0.01]\n"

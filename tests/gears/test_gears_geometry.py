@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from scenes import DATA
 from scipy.optimize import brentq
 
-from gearstab.gears.geometry import Gear, inverse_involute, involute
+from gearstab.gears.geometry import Gear, inverse_involute, involute, tooth_profile
 from gearstab.gears.pair import Pair
-from gearstab.gears.profile import tooth_profile
 
 REFERENCE = json.loads((DATA / "gears_reference.json").read_text())
 

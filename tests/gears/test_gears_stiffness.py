@@ -14,10 +14,9 @@ from scenes import DATA
 from scipy.integrate import quad
 
 from gearstab.gears.compliance import contact_compliance, pair_stiffness, tooth_compliance
-from gearstab.gears.geometry import Gear
+from gearstab.gears.geometry import Gear, tooth_profile
 from gearstab.gears.mesh_stiffness import StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
-from gearstab.gears.profile import tooth_profile
 
 REFERENCE = json.loads((DATA / "gears_reference.json").read_text())
 NAMES = list(REFERENCE["pairs"])

@@ -11,10 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import DATA
 
-from gearstab.gears.geometry import Gear
+from gearstab.gears.geometry import Gear, tooth_profile
 from gearstab.gears.mesh_stiffness import StiffnessModel
 from gearstab.gears.pair import Pair
-from gearstab.gears.profile import tooth_profile
 from gearstab.gears.stress import (
     contact_pressure,
     critical_section,

@@ -20,7 +20,7 @@ from gearstab.waveforms import (
     TorqueTable,
     Trapezoidal,
 )
-from gearstab.waveforms.profile import harmonic
+from gearstab.waveforms.base import harmonic
 from gearstab.waveforms.tooth import Piecewise
 
 TORQUES, PHASES = np.array([50.0, 100.0, 250.0]), np.array([0.1, 0.3, 0.45, 0.9])

@@ -94,7 +94,7 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     """The given design and, where one was searched, the proposed one."""
     from dataclasses import replace
 
-    from gearstab.design.tongues import single
+    from gearstab.design.regions import single
     from gearstab.support import WHIRLING, unsupported
     from gearstab.system import Feature
 

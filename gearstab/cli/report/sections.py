@@ -61,7 +61,7 @@ def _tree(solution: Solution) -> Any:
 
 def design(solution: Solution) -> Iterator[Block]:
     """Yield the answer of the search, its variables and the reasons."""
-    from gearstab.design.answer import answer
+    from gearstab.design.solution import answer
     from gearstab.results.display import unit_of
 
     yield Heading("Proposed design")
