@@ -9,13 +9,12 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots import modes, work_precision
+from gearstab.plots import design, modes
 from gearstab.plots.axes import distinct, refuse_empty
-from gearstab.plots.design import before_after, objective
 from gearstab.plots.drawing.style import style
 from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.maps import boundaries, campbell, contours, curve, passage, stability_map, surface
-from gearstab.plots.motions import branches, orders, phase_plane, response, spectrum, speeds
+from gearstab.plots.maps import boundaries, campbell, curve, stability_map, surface
+from gearstab.plots.motions import orders, phase_plane, response, spectrum, speeds
 from gearstab.plots.motions.speeds import DECIBEL
 from gearstab.plots.view import Request, nearest_values
 from gearstab.results.display import in_display_units
@@ -24,9 +23,10 @@ KINDS: dict[str, Kind] = {
     kind.name: kind
     for kind in (
         stability_map.KIND, stability_map.SLICES, curve.KIND, modes.KIND, boundaries.KIND, surface.KIND,
-        contours.REQUIRED_DAMPING, contours.PROBABILITY, passage.KIND, speeds.KIND, branches.KIND, work_precision.KIND,
-        response.KIND, campbell.KIND, orders.WATERFALL, orders.KIND, phase_plane.PAIR, spectrum.KIND, spectrum.TEETH,
-        phase_plane.KIND, objective.CONTOUR, objective.TORNADO, before_after.KIND, before_after.PARETO,
+        stability_map.REQUIRED_DAMPING, stability_map.PROBABILITY, curve.PASSAGE, speeds.KIND, speeds.BRANCHES,
+        curve.WORK_PRECISION, response.KIND, campbell.KIND, orders.WATERFALL, orders.KIND, phase_plane.PAIR,
+        spectrum.KIND, spectrum.TEETH, phase_plane.KIND, design.CONTOUR, design.TORNADO, design.BEFORE_AFTER,
+        design.PARETO,
     )
 }  # fmt: skip
 """By name; of several kinds that suit a result the last is its default."""

@@ -14,11 +14,11 @@ from matplotlib.colors import to_hex
 
 from gearstab.errors import PlotError
 from gearstab.plots.axes import FigureAxis, distinct, units_of
+from gearstab.plots.drawing.grid import MOST_CELLS, coarse
 from gearstab.plots.drawing.style import FAILED, GROWTH, LINE, style
 from gearstab.plots.drawing.tongues import read_tongues
 from gearstab.plots.kinds import GROWTH_RATE, find_variable
 from gearstab.plots.maps import stability_map
-from gearstab.plots.maps.coarse import MOST_CELLS, coarse
 from gearstab.plots.view import MapView, Request, view_of
 from gearstab.results.display import in_display_units
 from gearstab.results.output import Content, write_bytes

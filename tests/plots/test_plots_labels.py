@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import gearstab as gs
 from gearstab.plots import draw
 from gearstab.plots.axes import FigureAxis
-from gearstab.plots.drawing.labels import FAR, isotonic, pack, place
+from gearstab.plots.drawing.names import FAR, isotonic, pack, place
 from gearstab.plots.drawing.text import axis_label, fitted, symbol, tongue_label, unit_text
 
 

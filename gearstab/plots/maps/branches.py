@@ -1,17 +1,20 @@
-"""Natural frequencies in a Campbell diagram, and the instability regions rooted at their sums.
+"""Natural frequencies in a Campbell diagram, the instability regions rooted at their sums, and numbered orders.
 
-They are followed by their shapes over a parameter, or by the sense of their orbits over the speed of rotation.
+Frequencies are followed by their shapes over a parameter, or by the sense of their orbits over the speed of rotation.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 from scipy.optimize import linear_sum_assignment
 
 from gearstab.errors import PlotError
@@ -247,3 +250,108 @@ class WhirlCurves:
         if any(self.ratios):
             found.append(Line2D([], [], **TURNING, label="speed of rotation"))
         return found
+
+
+SIZE = 6.5
+"""Points of a number."""
+HALO = [withStroke(linewidth=2.0, foreground="white")]
+ACROSS = 257
+"""Points of a line at which it is looked for others."""
+CROWD = 1000
+"""Points of lines that a mark, or another number, counts as under a number."""
+CLEAR = 0.5
+"""Points around a number that are kept clear."""
+TIMES = r"$\times$"
+"""Between the number of an order and its mesh."""
+
+
+def order_colour(number: int, count: int) -> str:
+    """The colour of the orders of a mesh frequency: blue where there is one alone, never that of the natural ones."""
+    return CASES[2] if count == 1 else (CASES[2], CASES[3], CASES[4], CASES[5])[number % 4]
+
+
+def draw_order(ax: Axes, slope: float, level: float, half: int, colour: str, mesh: str) -> Line2D | None:
+    """Draw frequencies slope x + level, of half the harmonics ``half``; None where they lie above the frame.
+
+    Its label is its number, with the mesh behind it.
+    """
+    x = np.linspace(*ax.get_xlim(), 2)
+    y = slope * x + level
+    if y.min() > ax.get_ylim()[1]:
+        return None
+    look = "-" if half % 2 == 0 else (0, (4, 2))
+    (line,) = ax.plot(x, y, color=colour, linestyle=look, linewidth=0.6, alpha=0.85, zorder=1.5)
+    line.set_label(f"{0.5 * half:g}{TIMES}{mesh}")
+    return line
+
+
+def number_orders(
+    ax: Axes, orders: Sequence[Line2D], curves: Sequence[Line2D], marks: Sequence[PathCollection]
+) -> None:
+    """Write on every line its number, as far to the right as nothing else lies there; the frame must have settled.
+
+    Where something lies everywhere it is where least does. Lines of one mesh along the edge of the frame, where their
+    numbers do not fit, share one beside it. curves, marks: what else is drawn.
+    """
+    frame = ax.get_window_extent()
+    columns = np.linspace(frame.x0, frame.x1, ACROSS)
+    heights = [_heights(line, columns) for line in [*orders, *curves]]
+    points = [ax.transData.transform(np.asarray(mark.get_offsets())) for mark in marks]
+    crowd = np.concatenate(points) if points else np.zeros((0, 2))
+    left: dict[str, list[int]] = {}
+    for k, order in enumerate(orders):
+        others = [*heights[:k], *heights[k + 1 :]]
+        taken = _number(ax, str(order.get_label()), order, columns, heights[k], others, crowd)
+        crowd = np.concatenate([crowd, taken])
+        if not len(taken):
+            left.setdefault(str(order.get_color()), []).append(k)
+    for own in left.values():
+        numbers, mesh = zip(*(str(orders[k].get_label()).split(TIMES, 1) for k in own), strict=True)
+        words, others = ", ".join(numbers) + TIMES + mesh[0], [h for k, h in enumerate(heights) if k not in own]
+        taken = _number(ax, words, orders[own[-1]], columns, heights[own[-1]], others, crowd, beside=True)
+        crowd = np.concatenate([crowd, taken])
+
+
+def _number(
+    ax: Axes, words: str, order: Line2D, columns: Array, height: Array, others: Sequence[Array], crowd: Array,
+    beside: bool = False,
+) -> Array:  # fmt: skip
+    """Write words on a line; returns points of the room they take, none where there is none.
+
+    height, others: of the line and of all others over ``columns``, in pixels. beside: move words that do not fit into
+    the frame, however near its edge the line is.
+    """
+    frame = ax.get_window_extent()
+    text = ax.text(0.0, 0.0, words, ha="center", va="center", fontsize=SIZE, color=order.get_color())
+    text.set(path_effects=HALO, zorder=4)
+    box = text.get_window_extent()
+    half = 0.5 * np.array([box.width, box.height]) + CLEAR * ax.figure.dpi / 72
+    middle = np.column_stack([columns, height])
+    inside = np.all((middle - half >= frame.min) & (middle + half <= frame.max), axis=1)
+    if beside:
+        inside = (height >= frame.y0) & (height <= frame.y1)
+        middle = np.clip(middle, frame.min + half, frame.max - half)
+    if not inside.any():
+        text.remove()
+        return np.zeros((0, 2))
+    cost = CROWD * np.sum(np.all(np.abs(middle[:, None] - crowd) < half, axis=-1), axis=-1)
+    near = np.abs(middle[:, :1] - columns) < half[0]
+    for other in others:
+        with np.errstate(invalid="ignore"):
+            cost += np.sum(near & (np.abs(middle[:, None, 1] - other) < half[1]), axis=1)
+    best = ACROSS - 1 - int(np.argmin(np.where(inside, cost, np.iinfo(int).max)[::-1]))
+    x, y = ax.transData.inverted().transform(middle[best])
+    text.set_position((float(x), float(y)))
+    return _corners(middle[best], half)
+
+
+def _heights(line: Line2D, columns: Array) -> Array:
+    """The line in pixels over columns of pixels, NaN where there is none."""
+    x, y = line.get_transform().transform(line.get_xydata()).T
+    return np.asarray(np.interp(columns, x, y, left=np.nan, right=np.nan))
+
+
+def _corners(middle: Array, half: Array) -> Array:
+    """Nine points of a box, so that one of its own size that meets it holds one of them."""
+    ways = np.array([-1.0, 0.0, 1.0])
+    return np.asarray(middle + half * np.stack(np.meshgrid(ways, ways), axis=-1).reshape(-1, 2))

@@ -24,7 +24,6 @@ from matplotlib.patches import Patch
 from gearstab.errors import PlotError
 from gearstab.plots.axes import INNER, FigureAxis, group_of, mesh_numbers, sweep_axes, swept_groups, units_of
 from gearstab.plots.drawing import grid, names, tongues
-from gearstab.plots.drawing.labels import draw_order, number_orders, order_colour
 from gearstab.plots.drawing.style import (
     CASES,
     LINE,
@@ -39,7 +38,7 @@ from gearstab.plots.drawing.style import (
 from gearstab.plots.drawing.text import bracketed, plain, tongue_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import branches
-from gearstab.plots.maps.branches import Region, WhirlCurves
+from gearstab.plots.maps.branches import Region, WhirlCurves, draw_order, number_orders, order_colour
 from gearstab.plots.view import MOST_PANELS, TALL, Request, View, arrangement, caption, some, view_along
 from gearstab.results.display import RATIOS, SPEEDS
 

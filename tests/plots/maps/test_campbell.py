@@ -10,10 +10,9 @@ from scipy.linalg import eigh, qr
 import gearstab
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
-from gearstab.plots.drawing.labels import draw_order, number_orders
 from gearstab.plots.drawing.names import settle
 from gearstab.plots.drawing.style import new_frame
-from gearstab.plots.maps.branches import followed
+from gearstab.plots.maps.branches import draw_order, followed, number_orders
 from gearstab.plots.maps.campbell import said
 from gearstab.plots.view import Request
 

@@ -12,7 +12,7 @@ from scenes import TRAIN
 
 from gearstab.plots import draw
 from gearstab.plots.axes import FigureAxis
-from gearstab.plots.maps import coarse
+from gearstab.plots.drawing import grid
 from gearstab.plots.view import MapView
 
 CELLS = 10
@@ -62,7 +62,7 @@ def cells_of(axis: np.ndarray) -> list[np.ndarray]:
 
 @pytest.fixture(autouse=True)
 def few_cells(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coarse, "MOST_CELLS", CELLS)
+    monkeypatch.setattr(grid, "MOST_CELLS", CELLS)
 
 
 @pytest.mark.parametrize("tiles", [(64, 3, 45), (7, 1, 11), (64, 1, 4)], ids=str)
@@ -70,7 +70,7 @@ def few_cells(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_cell_shows_the_worst_of_its_points(axes: tuple[np.ndarray, np.ndarray], tiles: tuple[int, int, int]) -> None:
     tree = result(*axes, tiles)
     view = MapView(FigureAxis("mesh_frequency", axes[0]), FigureAxis("epsilon", axes[1]), {"phasing": 1}, ())
-    found, shown = coarse.coarse(tree, view, "growth_rate", large=0)
+    found, shown = grid.coarse(tree, view, "growth_rate", large=0)
     whole, reduced = tree["floquet"].isel(phasing=1), found["floquet"]
     assert "other" not in reduced
     for i, columns in enumerate(cells_of(axes[0])):
@@ -97,12 +97,12 @@ def test_a_cell_shows_the_worst_of_its_points(axes: tuple[np.ndarray, np.ndarray
 def test_small_maps_are_drawn_as_they_are() -> None:
     tree = result(*AXES["even"], (64, 3, 45))
     view = MapView(FigureAxis("mesh_frequency", AXES["even"][0]), FigureAxis("epsilon", AXES["even"][1]), {}, ())
-    assert coarse.coarse(tree, view, "growth_rate") == (tree, view)
+    assert grid.coarse(tree, view, "growth_rate") == (tree, view)
 
 
 @pytest.mark.parametrize("kind", ["map", "slices"])
 def test_a_large_map_shows_every_unstable_cell(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coarse.coarse, "__defaults__", (0,))
+    monkeypatch.setattr(grid.coarse, "__defaults__", (0,))
     x, y = AXES["even"]
     tree = result(x, y, (64, 1, 4))
     select: Mapping[str, str] = {"phasing": "0.2"} if kind == "map" else {}

@@ -1,1 +1,0 @@
-"""Figures of design results: before and after, contours, tornado, Pareto front."""
