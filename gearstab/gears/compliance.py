@@ -300,6 +300,3 @@ def pair_stiffness(pair: Pair, s: Array | float, foundation: bool = True) -> Arr
         tooth = tooth_compliance(gear, arm / gear.base_radius, pair.face_width)
         compliance = compliance + tooth.total - (0.0 if foundation else tooth.foundation)
     return 1 / compliance
-
-
-Array = np.ndarray

@@ -157,9 +157,6 @@ def loaded_spur(pair: Pair, model: StiffnessModel, relief: Relief, force: float)
     return LoadedSpur(pair, model, tangent, relief, force, error, np.sum(carrying, axis=-1))
 
 
-Array = np.ndarray
-
-
 @dataclass(frozen=True)
 class LoadedHelical(LoadedMesh):
     """A loaded mesh of helical teeth.
