@@ -9,7 +9,7 @@ from driven import monodromy
 from naming import Unnamed, assign, below, center, near
 from tongues import train
 
-from gearstab.floquet.boundaries.names.labels import Root
+from gearstab.floquet.boundaries.names import Root
 from gearstab.floquet.kernel import c_boundaries
 from gearstab.perturbation import first_order
 from gearstab.perturbation.ranking import RankedRegion, rank

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from driven import integrated, integrated_along, train
 
-from gearstab.floquet import solve
-from gearstab.floquet.general import solve as general
+from gearstab.floquet import general, solve
 from gearstab.floquet.truncation import neglected
 from gearstab.mesh import PeriodicTerm
 from gearstab.methods import METHODS, OptionError

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.floquet.boundaries import names as naming
 from gearstab.floquet.boundaries import periodic, smooth
-from gearstab.floquet.boundaries.coverage import Coverage
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, collisions, growing
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
-from gearstab.floquet.boundaries.names import harmonics, labels, naming, whirl
-from gearstab.floquet.boundaries.parts import Part, RegionEdges, united
+from gearstab.floquet.boundaries.names import harmonics, whirl
+from gearstab.floquet.boundaries.parts import Coverage, Part, RegionEdges, united
 from gearstab.floquet.boundaries.regions import Boundaries
-from gearstab.floquet.boundaries.undamped.search import Search
+from gearstab.floquet.boundaries.undamped import Search
 from gearstab.floquet.dispatch import in_modes
 from gearstab.floquet.kernel.chain import Chain, chain
 from gearstab.floquet.segments.pattern import Pattern
@@ -192,11 +192,11 @@ class _Collected:
                 ranges.append(np.clip(pattern.elastic.rate[k] / cycles, self.start, self.stop))
             self.coverage.add(int(row), *ranges)
 
-    def _of_damped(self, part: Part, flow: Chain, found: SearchResult) -> list[tuple[labels.Root, ...]]:
+    def _of_damped(self, part: Part, flow: Chain, found: SearchResult) -> list[tuple[naming.Root, ...]]:
         """The roots of each damped region; where harmonics leave doubts in a row, with the help of undamped ones."""
         seen = harmonics.seen(flow, found.intervals, found.peaks)
         plain = harmonics.plain(found.intervals, seen)
-        names: list[tuple[labels.Root, ...]] = [() if root is None else (root,) for root in plain]
+        names: list[tuple[naming.Root, ...]] = [() if root is None else (root,) for root in plain]
         doubtful = [k for k, root in enumerate(plain) if root is None]
         intervals = found.intervals.subset(doubtful)
         allowed = self._of_undamped(part, flow, intervals)
@@ -206,7 +206,7 @@ class _Collected:
             names[k] = own
         return names
 
-    def _of_undamped(self, part: Part, flow: Chain, intervals: Intervals) -> list[set[labels.Root]]:
+    def _of_undamped(self, part: Part, flow: Chain, intervals: Intervals) -> list[set[naming.Root]]:
         """The roots of those regions of the system without damping that each damped one overlaps, or of the nearest;
         none where the common period is so long that there are too many.
         """

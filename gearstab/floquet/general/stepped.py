@@ -1,7 +1,7 @@
 """Multipliers where something varies smoothly: commutator-free Magnus steps, all mesh frequencies at once.
 
 A(t) is affine in the functions that vary, so that every exponential of a step is that of a constant generator with
-values of its own (:mod:`~gearstab.floquet.smooth.schemes`), and what goes with the mesh frequency goes with it in each.
+values of its own (:mod:`~gearstab.floquet.smooth.steps`), and what goes with the mesh frequency goes with it in each.
 A common period of so many steps is a succession of segments like any other; every point is computed with some number
 of steps and with twice as many, and the difference is its error estimate, until that is small enough.
 """
@@ -16,8 +16,7 @@ import numpy as np
 from gearstab.floquet.general.exact import ExactRows, PeriodGrowth, alike_rows, joined
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES, Succession
 from gearstab.floquet.smooth.control import rectangles
-from gearstab.floquet.smooth.schemes import CF6_5, Scheme
-from gearstab.floquet.smooth.steps import exponentials, in_steps
+from gearstab.floquet.smooth.steps import CF6_5, Scheme, exponentials, in_steps
 from gearstab.interrupts import heed
 from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.elastic import ElasticRows

@@ -22,9 +22,8 @@ from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import Block, split
 from gearstab.floquet.segments.pattern import Pattern
-from gearstab.floquet.smooth.schemes import CF6_5
-from gearstab.floquet.smooth.solve import periods, within
-from gearstab.floquet.smooth.steps import Division
+from gearstab.floquet.smooth import periods, within
+from gearstab.floquet.smooth.steps import CF6_5, Division
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
 from gearstab.mesh import PeriodicTerm
 from gearstab.modal import modal_damping_matrix
