@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gearstab.config.model.axes import Axis
     from gearstab.perturbation import Tongue
     from gearstab.systems.base import System
-    from gearstab.tolerance.design import SamplingDesign
+    from gearstab.tolerance import SamplingDesign
 
 POINTS, RANGE = "points", "range"
 """Part of the mesh-frequency axis that a method needs: every point of the grid or the ends of its axis; None for

@@ -17,8 +17,7 @@ from gearstab.floquet import solve
 from gearstab.mesh import Mesh
 from gearstab.methods import METHODS, OptionError
 from gearstab.perturbation import first_order
-from gearstab.perturbation.whirling import whirling_rows
-from gearstab.perturbation.whirling.pairing import resonance_of
+from gearstab.perturbation.whirling import resonance_of, whirling_rows
 from gearstab.rotation import Rotation
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular

@@ -19,8 +19,7 @@ from gearstab.mesh import PeriodicTerm
 from gearstab.methods import METHODS, OptionError
 from gearstab.modal import mean_modes, static_equilibrium
 from gearstab.passage.propagator import growth, motion
-from gearstab.propagation.equation import Equation
-from gearstab.propagation.excitation import excitation
+from gearstab.propagation.equation import Equation, excitation
 from gearstab.propagation.first_order import bases
 from gearstab.propagation.intervals import SteadyPoints
 from gearstab.propagation.path import Path

@@ -36,9 +36,9 @@ from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
 from gearstab.floquet.smooth.steps import CF4_2, CF6_5, Scheme
 from gearstab.grouping import equal_rows
-from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.elastic import ElasticForm, elastic_forms, free_rotations
 from gearstab.propagation.first_order import FirstOrder
+from gearstab.propagation.magnus import StepControl, remainder
 from gearstab.propagation.schedule import Schedule, distinct, schedule
 from gearstab.system import Array, GearSystem
 

@@ -37,7 +37,7 @@ from gearstab.floquet.smooth import periods, within
 from gearstab.floquet.smooth.compare import difference, scan
 from gearstab.floquet.smooth.control import SAFETY, Ladder, first
 from gearstab.floquet.smooth.steps import CF4_2, CF6_5, Division
-from gearstab.propagation.control import StepControl, remainder
+from gearstab.propagation.magnus import StepControl, remainder
 from gearstab.system import Array, GearSystem
 
 PILOTS = 9

@@ -18,8 +18,8 @@ from gearstab.floquet.segments.pattern import CONSTANT, PROBES, Succession
 from gearstab.floquet.smooth.control import rectangles
 from gearstab.floquet.smooth.steps import CF6_5, Scheme, exponentials, in_steps
 from gearstab.interrupts import heed
-from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.elastic import ElasticRows
+from gearstab.propagation.magnus import StepControl, remainder
 from gearstab.propagation.schedule import Schedule, distinct, schedule
 from gearstab.system import Array, GearSystem
 

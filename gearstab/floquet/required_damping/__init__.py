@@ -23,7 +23,7 @@ import numpy as np
 from gearstab.floquet.dispatch import in_modes
 from gearstab.floquet.required_damping.growth import DAMPING_RATIO, FACTOR, GrowthByDamping, growths, scalable
 from gearstab.floquet.segments.reduction import reduce
-from gearstab.floquet.solution import DAMPED_ON_CIRCLE
+from gearstab.floquet.stability import DAMPED_ON_CIRCLE
 from gearstab.system import Array, GearSystem
 
 __all__ = ["FLAGS", "required_damping", "scalable"]

@@ -24,10 +24,10 @@ from gearstab.floquet.segments.blocks import Block, split
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth import periods, within
 from gearstab.floquet.smooth.steps import CF6_5, Division
-from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
+from gearstab.floquet.stability import DAMPED_ON_CIRCLE, OperatingPoints, solved
 from gearstab.mesh import PeriodicTerm
 from gearstab.modal import modal_damping_matrix
-from gearstab.propagation.control import StepControl, remainder
+from gearstab.propagation.magnus import StepControl, remainder
 from gearstab.rotation import Rotation
 from gearstab.system import Array, Feature, GearSystem
 

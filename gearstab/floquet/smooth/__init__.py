@@ -14,16 +14,18 @@ from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.floquet.smooth.compare import rounding
 from gearstab.floquet.smooth.control import PILOTS, Estimates, Ladder, estimates, first, rectangles
 from gearstab.floquet.smooth.steps import CF4_2, CF6_5, Division, Scheme, portions
-from gearstab.floquet.solution import (
+from gearstab.floquet.stability import (
     DAMPED_ON_CIRCLE,
+    STATUS_FLAGS,
+    FloquetStability,
     OperatingPoints,
     conservative_exponents,
     damped_exponents,
     decide_doubtful,
+    decided,
     pieces,
     solved,
 )
-from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided
 from gearstab.system import Array, GearSystem
 
 WASTED = -1.0

@@ -16,7 +16,7 @@ import numpy as np
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import KernelAnswer, colliding, difference, scan
 from gearstab.floquet.smooth.steps import Division, Scheme
-from gearstab.propagation.control import AIM, StepControl, remainder
+from gearstab.propagation.magnus import AIM, StepControl, remainder
 from gearstab.system import Array
 
 SAFETY = 10.0
