@@ -11,11 +11,11 @@ from scipy.linalg import expm
 
 from gearstab.bench.scene import Scene
 from gearstab.floquet import solve
+from gearstab.mesh import factors
 from gearstab.response.backlash.branches import BranchSearch, Starts
 from gearstab.response.backlash.continuation import StepLimits
 from gearstab.response.backlash.motions import speed_cycles
 from gearstab.response.backlash.sections import SectionMap
-from gearstab.rotation import factors
 from gearstab.system import Array, GearSystem
 
 POINTS, PRODUCTS = 1 << 15, 500

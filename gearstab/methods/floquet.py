@@ -14,8 +14,7 @@ from gearstab.config.model.fields import Flag, Section, Whole
 from gearstab.config.model.units import wrong
 from gearstab.config.model.values import Choice, Quantity
 from gearstab.errors import NotPossible
-from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
-from gearstab.methods.restriction import ModesOption, Restricted, check_certificate
+from gearstab.methods.base import Method, ModesOption, OptionError, Outcome, Restricted, Tolerance, check_certificate
 from gearstab.results.variables import (
     BY_MESH,
     CERTIFIED,

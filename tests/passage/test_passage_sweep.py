@@ -12,9 +12,9 @@ from scenes import REDUCER, TRAIN, problems, read, result_of, scene_data, scene_
 import gearstab as gs
 from gearstab.config import load
 from gearstab.floquet import solve
+from gearstab.mesh import Rotation
 from gearstab.passage.propagator import growth, motion
 from gearstab.propagation.path import Path
-from gearstab.rotation import Rotation
 from gearstab.sweep import plan
 from gearstab.systems import build
 

@@ -15,7 +15,7 @@ from driven import integrated, integrated_along, train
 
 from gearstab.floquet import general, solve
 from gearstab.floquet.truncation import neglected
-from gearstab.mesh import PeriodicTerm
+from gearstab.mesh import PeriodicTerm, Rotation
 from gearstab.methods import METHODS, OptionError
 from gearstab.modal import mean_modes, static_equilibrium
 from gearstab.passage.propagator import growth, motion
@@ -26,7 +26,6 @@ from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PhaseEquation
 from gearstab.response import driven_response, ramp_response, steady_state
 from gearstab.response.steady import start
-from gearstab.rotation import Rotation
 from gearstab.support import unsupported
 from gearstab.system import Feature, GearSystem
 from gearstab.waveforms import Constant, Fourier, Trapezoidal

@@ -25,10 +25,9 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth import periods, within
 from gearstab.floquet.smooth.steps import CF6_5, Division
 from gearstab.floquet.stability import DAMPED_ON_CIRCLE, OperatingPoints, solved
-from gearstab.mesh import PeriodicTerm
+from gearstab.mesh import PeriodicTerm, Rotation
 from gearstab.modal import modal_damping_matrix
 from gearstab.propagation.magnus import StepControl, remainder
-from gearstab.rotation import Rotation
 from gearstab.system import Array, Feature, GearSystem
 
 DAMPING_RATIO, FACTOR = "damping_ratio", "factor"
