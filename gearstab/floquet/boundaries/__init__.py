@@ -10,9 +10,8 @@ import numpy as np
 from gearstab.floquet.boundaries import names as naming
 from gearstab.floquet.boundaries import periodic, smooth
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, collisions, growing
-from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.boundaries.names import harmonics, whirl
-from gearstab.floquet.boundaries.parts import Coverage, Part, RegionEdges, united
+from gearstab.floquet.boundaries.parts import Coverage, Interval, Intervals, Part, RegionEdges, by_row, united
 from gearstab.floquet.boundaries.regions import BOUNDARY_FLAGS, Boundaries, Edges, union
 from gearstab.floquet.boundaries.undamped import Search
 from gearstab.floquet.dispatch import in_modes

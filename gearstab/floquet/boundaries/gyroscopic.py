@@ -38,7 +38,7 @@ from gearstab.floquet.boundaries.counting.krein import spectrum
 from gearstab.floquet.boundaries.counting.pairs import KreinSpectrum
 from gearstab.floquet.boundaries.damped.proof import running_maximum
 from gearstab.floquet.boundaries.damped.search import SearchResult, Stretches
-from gearstab.floquet.boundaries.intervals import Intervals, paired, verdicts_at_ends
+from gearstab.floquet.boundaries.parts import Intervals, paired, verdicts_at_ends
 from gearstab.floquet.general.exact import CanonicalPeriods
 from gearstab.grouping import Columns, numbered
 from gearstab.interrupts import heed

@@ -26,8 +26,8 @@ from gearstab.floquet.boundaries import gyroscopic, smooth
 from gearstab.floquet.boundaries.counting.krein import spectrum
 from gearstab.floquet.boundaries.damped.search import NO_GROWTH, Limits, SearchResult, fastest
 from gearstab.floquet.boundaries.parts import Part
+from gearstab.floquet.general import cut, varying
 from gearstab.floquet.general.exact import CanonicalPeriods
-from gearstab.floquet.general.stepped import cut, varying
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
 from gearstab.floquet.kernel.damped import Generators

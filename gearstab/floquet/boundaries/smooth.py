@@ -27,8 +27,7 @@ import numpy as np
 from gearstab.floquet.boundaries.counting.krein import stable_at
 from gearstab.floquet.boundaries.counting.points import Resolved, exact
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult
-from gearstab.floquet.boundaries.intervals import Intervals
-from gearstab.floquet.boundaries.parts import Part, separated
+from gearstab.floquet.boundaries.parts import Intervals, Part, separated
 from gearstab.floquet.boundaries.undamped import Search
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, chain

@@ -15,9 +15,8 @@ from typing import TypeVar
 import numpy as np
 
 from gearstab.floquet.dispatch import in_modes
-from gearstab.floquet.general import analyse
+from gearstab.floquet.general import SteppedRows, analyse, stepped_rows
 from gearstab.floquet.general.exact import ExactRows, exact_rows
-from gearstab.floquet.general.stepped import SteppedRows, stepped_rows
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import Block, split

@@ -20,7 +20,7 @@ from gearstab.floquet.boundaries import undamped
 from gearstab.floquet.boundaries.damped.meetings import RASTER, pursue, pursue_beside
 from gearstab.floquet.boundaries.damped.proof import MODULI, PROVED, SPECTRUM, Cover, cover, damping_ratio
 from gearstab.floquet.boundaries.damped.scan import STEP, Scan
-from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row, paired, verdicts_at_ends
+from gearstab.floquet.boundaries.parts import Interval, Intervals, by_row, paired, verdicts_at_ends
 from gearstab.floquet.boundaries.undamped import Search
 from gearstab.floquet.kernel import damped as general
 from gearstab.floquet.kernel.chain import Chain

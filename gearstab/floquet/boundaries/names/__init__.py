@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.boundaries.counting.points import exact, first_modes
-from gearstab.floquet.boundaries.intervals import Intervals
+from gearstab.floquet.boundaries.parts import Intervals
 from gearstab.floquet.kernel import c_boundaries
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array

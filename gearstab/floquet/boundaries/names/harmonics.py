@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.boundaries.damped.scan import halves
-from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.boundaries.names import BAND, Root, Shares, leading_roots, nearest_sum
+from gearstab.floquet.boundaries.parts import Interval, Intervals, by_row
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
 
