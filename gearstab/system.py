@@ -4,7 +4,7 @@
     K(t) = K0 + sum_i k_i(t) g_i g_i^T + sum_j a_j(t) u_j v_j^T,    k_i(t) = k_gi + k_vi(t)
     C(t) = C + sum_j c_j(t) u_j v_j^T
 
-and, with speeds of rotation W, W G q' + (W H + W^2 K) q besides (:mod:`gearstab.rotation`),
+and, with speeds of rotation W, W G q' + (W H + W^2 K) q besides (:mod:`gearstab.mesh`),
 
 with one direction g_i a tooth mesh and, where something else varies or is not symmetric (friction, a mesh damping that
 follows the mesh stiffness), periodic terms.
@@ -26,8 +26,7 @@ from math import gcd, lcm, prod
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.mesh import Connection, Mesh, PeriodicForce, PeriodicTerm
-from gearstab.rotation import Rotation
+from gearstab.mesh import Connection, Mesh, PeriodicForce, PeriodicTerm, Rotation
 
 Array = np.ndarray
 

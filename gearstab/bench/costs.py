@@ -11,11 +11,11 @@ from scipy.linalg import expm
 
 from gearstab.bench.scene import Scene
 from gearstab.floquet import solve
+from gearstab.mesh import speed_factors
 from gearstab.response.backlash.branches import BranchSearch, Starts
 from gearstab.response.backlash.continuation import StepLimits
 from gearstab.response.backlash.motions import speed_cycles
 from gearstab.response.backlash.sections import SectionMap
-from gearstab.rotation import factors
 from gearstab.system import Array, GearSystem
 
 POINTS, PRODUCTS = 1 << 15, 500
@@ -100,7 +100,7 @@ def exponential_products(system: GearSystem, omega: Array) -> Array:
     for rotation in system.rotations:
         for term in rotation.terms():
             speed = np.broadcast_to(term.speed + term.speed_ratio * omega, omega.shape)
-            factor = factors(speed, np.asarray(term.power), np.asarray(term.softening))[:, None, None]
+            factor = speed_factors(speed, np.asarray(term.power), np.asarray(term.softening))[:, None, None]
             (damping if term.on_velocity else stiffness)[...] += factor * term.matrix
     product = np.broadcast_to(np.eye(2 * n), (len(omega), 2 * n, 2 * n))
     moving = np.linalg.solve(system.mass, np.concatenate([stiffness, damping], axis=2))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.certificates.equations import Segments
+from gearstab.mesh import speed_factors
 from gearstab.modal import mean_modes
 from gearstab.propagation.schedule import schedule
-from gearstab.rotation import factors
 from gearstab.system import Array, GearSystem
 
 ROUNDING = 1e-15
@@ -70,7 +70,7 @@ def _speed_terms(system: GearSystem) -> tuple[list[tuple[bool, Array]], tuple[Ar
     for term in terms:
         matrix, softening = system.flat(term.matrix, 2), system.flat(term.softening)
         if term.held:
-            factor = factors(system.flat(term.speed), np.asarray(term.power), softening)
+            factor = speed_factors(system.flat(term.speed), np.asarray(term.power), softening)
             held.append((term.on_velocity, factor[:, None, None] * matrix))
         elif softening.any():
             raise ValueError("certificates are about matrices that go with the speed or its square")

@@ -50,7 +50,7 @@ struct damped {
     const struct limits *limits; /* of verdicts where multipliers are inverse in pairs, as those of gyroscopic systems, else NULL */
 };
 
-/* What the search for Lyapunov functions goes by: the names are those of gearstab/floquet/kernel/lyapunov.py. */
+/* What the search for Lyapunov functions goes by: the names are those of gearstab/floquet/kernel/c_points.py. */
 struct lyapunov {
     double part, longest, pieces, rounding, largest, least, negligible;
     int64_t bisections, doublings, unknowns;

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.frequencies.choice import sample, segments_a_cycle
+from gearstab.floquet.frequencies import sample, segments_a_cycle
 from gearstab.floquet.segments.blocks import Block, split
 from gearstab.modal import mean_modes
 from gearstab.propagation.elastic import free_rotations

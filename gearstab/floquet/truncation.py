@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.floquet.frequencies.choice import sample
+from gearstab.floquet.frequencies import sample
 from gearstab.modal import eigenmodes, mean_modes
 from gearstab.symmetry import the_symmetry, type_name
 from gearstab.system import Array, GearSystem

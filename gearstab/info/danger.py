@@ -13,8 +13,7 @@ from gearstab.support import ANY_LINEAR, WHIRLING, unsupported
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.info.verified import OpenRegion, SpeedScan, Trial
-    from gearstab.perturbation.ranking import RankedRegion, Ranking
-    from gearstab.perturbation.remedies import Resonance
+    from gearstab.perturbation.remedies import RankedRegion, Ranking, Resonance
     from gearstab.perturbation.tongues import Tongue
     from gearstab.system import Array, GearSystem
 
@@ -49,7 +48,7 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> DangerousSpeeds
 def judged(config: Config, system: GearSystem, low: float, high: float, harmonics: int) -> JudgedRegions:
     """Return the regions between two mesh frequencies."""
     from gearstab.info import verified
-    from gearstab.perturbation.ranking import rank
+    from gearstab.perturbation.remedies import rank
 
     found = rank(system, low, high, harmonics, MOST, MOST)
     width, step = high - low, planets_step(system) if found.real_modes else None

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 def common_period(system: GearSystem) -> dict[str, Any] | None:
     """Describe the common period of all meshes; None where there is none."""
-    from gearstab.floquet.frequencies import choice
+    from gearstab.floquet import frequencies
 
-    period = choice.common_period(system)
+    period = frequencies.common_period(system)
     if period is None:
         return None
     segments, states = (period.segments if system.piecewise_constant else None), None
-    if (pattern := choice.exact_pattern(system)) is not None:
+    if (pattern := frequencies.exact_pattern(system)) is not None:
         segments, states = len(pattern.states), pattern.stiffness.shape[1]
     return {
         "in_periods_of_omega": period.cycles,
@@ -123,7 +123,7 @@ def rotation_facts(system: GearSystem, ends: list[float] | None) -> dict[str, An
     """
     import numpy as np
 
-    from gearstab.floquet.general.whirl import whirl_motions
+    from gearstab.floquet.general.mean import whirl_motions
 
     ratios = [abs(float(rotation.speed_ratio)) for rotation in system.rotations if rotation.speed_ratio is not None]
     if not ratios or ends is None:

@@ -13,7 +13,7 @@ from gearstab.config.model.axes import replaced
 from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.frequencies.choice import common_period
+from gearstab.floquet.frequencies import common_period
 from gearstab.floquet.general.mean import frequencies_beyond_modes
 from gearstab.modal import modal_damping_matrix, modal_damping_ratios
 from gearstab.perturbation.tongues import Tongue

@@ -11,8 +11,16 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.fields import Flag
-from gearstab.methods.base import RANGE, Outcome, Tolerance, TongueMethod, WidthFloor
-from gearstab.methods.restriction import ModesOption, Restricted, check_certificate
+from gearstab.methods.base import (
+    RANGE,
+    ModesOption,
+    Outcome,
+    Restricted,
+    Tolerance,
+    TongueMethod,
+    WidthFloor,
+    check_certificate,
+)
 from gearstab.results.variables import CERTIFICATES, EXACT, OCCURRENCE, TONGUE, Variable, flagged
 from gearstab.system import Array, Feature
 

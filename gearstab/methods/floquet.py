@@ -14,8 +14,7 @@ from gearstab.config.model.fields import Flag, Section, Whole
 from gearstab.config.model.units import wrong
 from gearstab.config.model.values import Choice, Quantity
 from gearstab.errors import NotPossible
-from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
-from gearstab.methods.restriction import ModesOption, Restricted, check_certificate
+from gearstab.methods.base import Method, ModesOption, OptionError, Outcome, Restricted, Tolerance, check_certificate
 from gearstab.results.variables import (
     BY_MESH,
     CERTIFIED,
@@ -182,14 +181,14 @@ class Floquet(Restricted):
 
     def solved(self, mesh_frequency: Array) -> FloquetStability:
         """Compute the stability of the part of the system by its strategy."""
-        from gearstab.floquet import solve
-        from gearstab.floquet.frequencies import lyapunov, per_mesh
+        from gearstab.floquet import frequencies, solve
+        from gearstab.floquet.frequencies import lyapunov
 
         def by_period(system: GearSystem, omega: Array) -> FloquetStability:
             return solve(system, omega, exponents=self.options.exponents, tolerance=self.options.tolerance)
 
         if self.strategy.name == "per_mesh":
-            return per_mesh.solve(self.part, mesh_frequency, by_period)
+            return frequencies.solve(self.part, mesh_frequency, by_period)
         if self.strategy.name == "lyapunov":
             asked = self.options.lyapunov
             return lyapunov.solve(self.part, mesh_frequency, asked.cycles, asked.confidence, asked.seed)
@@ -212,12 +211,13 @@ class Floquet(Restricted):
 
     def _segments(self) -> float:
         """In the window of a Lyapunov exponent."""
-        from gearstab.floquet.frequencies import choice, lyapunov
-        from gearstab.floquet.smooth.schemes import CF6_5
+        from gearstab.floquet import frequencies
+        from gearstab.floquet.frequencies import lyapunov
+        from gearstab.floquet.smooth.steps import CF6_5
 
         cycles = lyapunov.length(self.part, self.options.lyapunov.cycles)
         if self.part.piecewise_constant:
-            return choice.segments_a_cycle(self.part) * cycles
+            return frequencies.segments_a_cycle(self.part) * cycles
         return 2 * lyapunov.FEWEST_STEPS * CF6_5.exponentials * cycles * max(map(float, self.part.frequency_ratios))
 
     def report(self) -> Mapping[str, Any]:

@@ -156,7 +156,7 @@ class Passage(Method):
         return {"rate": self.rates}
 
     def run(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.passage.solve import passage
+        from gearstab.passage import passage
 
         low, high = (float(end) for end in mesh_frequency)
         options = self.options

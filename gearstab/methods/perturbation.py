@@ -218,7 +218,7 @@ class WhirlFrequencies(NaturalFrequencies):
         return {SPEED_RATIOS: [float(rotation.speed_ratio or 0) for rotation in self.system.rotations]}
 
     def run(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.floquet.general.whirl import whirl_motions
+        from gearstab.floquet.general.mean import whirl_motions
 
         order = np.argsort(mesh_frequency, kind="stable")
         found = whirl_motions(self.system, mesh_frequency[order])

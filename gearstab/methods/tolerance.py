@@ -23,7 +23,7 @@ from gearstab.results.variables.flags import Flags
 from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
-    from gearstab.tolerance.design import SamplingDesign
+    from gearstab.tolerance import SamplingDesign
 
 ROW = 512
 """Points of a block at least, so that a row of a map is not cut where that would cost as much again."""
@@ -129,7 +129,7 @@ class ToleranceAnalysis(SampledMethod):
     @cached_property
     def design(self) -> SamplingDesign:
         """Samples that are drawn, the same for all systems."""
-        from gearstab.tolerance.design import SamplingDesign, groups_of
+        from gearstab.tolerance import SamplingDesign, groups_of
 
         pairs = [tuple(self.names.index(name) for name in entry.between) for entry in self.options.correlation or ()]
         groups = groups_of(len(self.names), pairs)  # type: ignore[arg-type]

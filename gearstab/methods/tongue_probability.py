@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from gearstab.config.document.tree import Document
     from gearstab.config.model.axes import Axis
-    from gearstab.tolerance.design import SamplingDesign
+    from gearstab.tolerance import SamplingDesign
 
 
 class TongueProbabilityOptions(Section):
@@ -60,7 +60,7 @@ class TongueProbabilityAnalysis(SampledMethod):
     @cached_property
     def design(self) -> SamplingDesign:
         """Samples that are drawn, the same for all systems."""
-        from gearstab.tolerance.design import SamplingDesign
+        from gearstab.tolerance import SamplingDesign
 
         groups = tuple(range(self.options.parameters))
         return SamplingDesign.of(groups, self.options.samples, False, self.options.seed)

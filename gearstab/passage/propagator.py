@@ -14,7 +14,7 @@ from math import ceil
 
 import numpy as np
 
-from gearstab.propagation.excitation import excitation
+from gearstab.propagation.equation import excitation
 from gearstab.propagation.first_order import bases
 from gearstab.propagation.magnus import product, scaled
 from gearstab.propagation.path import Path

@@ -9,9 +9,17 @@ import numpy as np
 
 from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation.damped import group_pair, product_pair, single_pair
-from gearstab.perturbation.modal_terms import ModalTerms, modal_terms
-from gearstab.perturbation.modal_terms import harmonics as harmonics_of_terms
-from gearstab.perturbation.tongues import ParametricExcitation, Tongue, Tongues, excitations, self_excited, tongue
+from gearstab.perturbation.tongues import (
+    ModalTerms,
+    ParametricExcitation,
+    Tongue,
+    Tongues,
+    excitations,
+    modal_terms,
+    self_excited,
+    tongue,
+)
+from gearstab.perturbation.tongues import harmonics as harmonics_of_terms
 from gearstab.perturbation.unsymmetric import decaying
 from gearstab.perturbation.unsymmetric import groups as unsymmetric_groups
 from gearstab.perturbation.whirling import whirling_rows
@@ -74,7 +82,7 @@ def first_order(
     and at its end modes that grow by themselves.
 
     With matrices that act with a speed of rotation, or damping that is not symmetric, motions are no real modes, and
-    :mod:`gearstab.perturbation.whirling.rows` takes their place: modes are numbered by ascending frequency at the root
+    :mod:`gearstab.perturbation.whirling` takes their place: modes are numbered by ascending frequency at the root
     of each tongue, which are damped frequencies, and no damping is taken as small.
 
     A group of equal frequencies has one tongue, independent of the basis chosen for its modes: the first pair of its

@@ -16,7 +16,7 @@ for a drive torque that follows half of the tilt; one that follows all of it lea
 twice as much. Circulatory matrices and preloads go with the momentary speed.
 
 The motion that a speed leaves free may change with it: where springs carry centrifugal forces (``preload`` of
-:mod:`gearstab.rotation`) it is v(W) = (1 - a W^2 P) v(0), P the part of these springs in it. Then u are the elastic
+:mod:`gearstab.mesh`) it is v(W) = (1 - a W^2 P) v(0), P the part of these springs in it. Then u are the elastic
 coordinates beside v(W), and u' in the state is that beside v(0): u~' = u' + f(W) D b'. The position of v(W) would be
 a double exponent of zero, which rounding makes grow.
 """
@@ -29,8 +29,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.grouping import equal_rows
+from gearstab.mesh import SpeedTerm, speed_factor_slopes, speed_factors
 from gearstab.modal import mean_modes
-from gearstab.rotation import SpeedTerm, factor_slopes, factors
 from gearstab.system import Array, GearSystem
 
 UNDAMPED = 1e-11
@@ -171,7 +171,7 @@ class ModalMatrices:
         following = [(term, matrix) for term, matrix in turning if not term.held]
         for term, matrix in turning:
             if term.held:
-                factor = factors(np.asarray(term.speed), np.asarray(term.power), np.asarray(term.softening))
+                factor = speed_factors(np.asarray(term.speed), np.asarray(term.power), np.asarray(term.softening))
                 constant += factor[:, None, None] * matrix
         inlet, outlet = np.zeros((len(rows), m, shapes.shape[1])), np.zeros((len(rows), shapes.shape[1], m))
         speed = np.zeros_like(outlet)
@@ -204,7 +204,7 @@ class FirstOrder:
     outlet: ``(r, n, m)``, q from x; speed: ``(r, n, m)``, dq/dt from x.
     undamped_rigid: ``(r, n, k)``, rigid-body modes that nothing holds back, normalised by the mass matrix.
     by_speed: ``(r, S, m, m)``, what goes with the speed; laws: ``(r, S, 3)``, how: W/Omega, power and softening of
-    :class:`gearstab.rotation.SpeedTerm`; by_rate: ``(r, m, m)``, what goes with dOmega/dt. None where nothing does.
+    :class:`gearstab.mesh.SpeedTerm`; by_rate: ``(r, m, m)``, what goes with dOmega/dt. None where nothing does.
     """
 
     rows: Array
@@ -282,7 +282,7 @@ class FirstOrder:
         if self.by_speed is None or self.laws is None:
             return np.zeros_like(self.constant)
         ratio, power, softening = np.moveaxis(self.laws, -1, 0)
-        slope = ratio * factor_slopes(ratio * np.asarray(speed)[..., None], power, softening)
+        slope = ratio * speed_factor_slopes(ratio * np.asarray(speed)[..., None], power, softening)
         return np.asarray(np.einsum("...rs,rsij->...rij", slope, self.by_speed))
 
     def _static(self, speed: Array | float) -> Array:
@@ -290,7 +290,7 @@ class FirstOrder:
         if self.by_speed is None or self.laws is None:
             return self.constant
         ratio, power, softening = np.moveaxis(self.laws, -1, 0)
-        factor = factors(ratio * np.asarray(speed)[..., None], power, softening)
+        factor = speed_factors(ratio * np.asarray(speed)[..., None], power, softening)
         return np.asarray(self.constant + np.einsum("...rs,rsij->...rij", factor, self.by_speed))
 
 
@@ -320,7 +320,7 @@ def _drift(
     def factor(term: SpeedTerm) -> Array:
         """At a speed where the springs are a tenth softer."""
         speed, power, softening = (np.asarray(v) for v in (np.sqrt(squared), term.power, term.softening))
-        return factors(speed, power, softening)[:, None, None]
+        return speed_factors(speed, power, softening)[:, None, None]
 
     motion = np.eye(rigid.shape[1]) * free - factor(found) * matrix
     stiffness = [mean, *(factor(term) * term.matrix for term in own)]

@@ -10,9 +10,15 @@ a polynomial of degree five in h, whose matrices do not depend on the mesh frequ
 A step in which A is constant is exact. Its error is of order h^7 a step and even: halving all steps gains a factor 64.
 
 Source: Blanes, Casas, Oteo & Ros 2009, Physics Reports 470, section 5.
+
+With a scheme of order p the difference of two results is 2^p - 1 times the error of the finer one once that has
+converged (Richardson). How results are compared is left to whoever computes them; :class:`StepControl` decides which
+points are computed again, and with how many steps: twice as many, or more, until a tolerance is reached.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -21,6 +27,10 @@ from gearstab.system import Array
 ORDER = 6
 NODES = 0.5 + np.array([-1.0, 0.0, 1.0]) * np.sqrt(15) / 10
 """Gauss-Legendre nodes of a step."""
+AIM = 0.5
+"""Error aimed at, as a part of the tolerance."""
+LEAP = 3
+"""Most doublings at once: a factor 8 in the number of steps, 2^18 in an error of order six."""
 
 
 def polynomial(a: Array) -> Array:
@@ -72,3 +82,50 @@ def scaled(matrix: Array) -> tuple[Array, float]:
     """Return a matrix over its largest entry, and the logarithm of that."""
     size = float(np.abs(matrix).max(initial=0.0))
     return (matrix / size, float(np.log(size))) if size > 0 else (matrix, 0.0)
+
+
+def remainder(order: int) -> float:
+    """Return the error of a converged result, as a part of its difference from that of half of the steps."""
+    return 1.0 / (2**order - 1)
+
+
+class StepControl:
+    """Iteration over levels of resolution, each with the points to be computed there.
+
+    level: ``(...)`` int, at which each point begins, raised in place. last: the largest one of each point. doubling:
+    levels that double the steps. leap: doublings at once, at most. Every level is answered by :meth:`judge` before the
+    next::
+
+        for level, chosen in control:
+            control.judge(error of the chosen points)
+    """
+
+    def __init__(
+        self, level: Array, last: Array | int, tolerance: float, order: int, doubling: int = 1, leap: int = LEAP
+    ) -> None:
+        self.level, self.last = level, np.broadcast_to(last, level.shape)
+        self.pending = np.ones(level.shape, dtype=bool)
+        self.tolerance, self.order, self.doubling, self.leap = tolerance, order, doubling, leap
+
+    def __iter__(self) -> Iterator[tuple[int, Array]]:
+        """Yield levels in ascending order, and which points are to be computed there, bool."""
+        while self.pending.any():
+            level = int(self.level[self.pending].min())
+            self.chosen = self.pending & (self.level == level)
+            yield level, self.chosen
+
+    def judge(self, error: Array | float, rounding: Array | float = 0.0) -> None:
+        """Take the estimated errors of the points of this level; more steps follow where they are too large.
+
+        rounding: the part of an error that more steps do not lessen. Errors that are not finite: an endless one is
+        followed by twice the steps, NaN by none.
+        """
+        error, before = np.asarray(error), self.level[self.chosen]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            excess = np.maximum(error - rounding, 0.0) / np.maximum(AIM * self.tolerance, rounding)
+            times = np.ceil(np.nan_to_num(np.log2(excess) / self.order, nan=1.0, posinf=1.0))
+        more = self.doubling * np.clip(times, 1, self.leap).astype(int)
+        # Where rounding has the last word more steps do not help.
+        again = (error > self.tolerance) & (error > 2 * np.asarray(rounding)) & (before < self.last[self.chosen])
+        self.level[self.chosen] = np.minimum(before + np.where(again, more, 0), self.last[self.chosen])
+        self.pending[self.chosen] = again

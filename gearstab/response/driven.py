@@ -13,11 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.propagation.equation import Equation
-from gearstab.propagation.excitation import Excitation, excitation
+from gearstab.propagation.equation import Equation, Excitation, excitation
 from gearstab.propagation.first_order import FirstOrder, bases
-from gearstab.propagation.intervals import SteadyPoints, intervals
-from gearstab.propagation.one_motion import followed
+from gearstab.propagation.intervals import SteadyPoints, followed, intervals
 from gearstab.response.steady import period_map, resolution
 from gearstab.system import Array, GearSystem
 

@@ -1,7 +1,7 @@
 """Time response of a linear gear system: free from an initial state, driven, or while its speed changes.
 
 A run-up or a coast-down follows the equation of :mod:`gearstab.propagation.phase` with b = inlet [F_0(tau) + Omega F_1]
-z(tau) (:mod:`gearstab.propagation.excitation`). The speed is given: the torque that accelerates the train is no part of
+z(tau) (:mod:`gearstab.propagation.equation`). The speed is given: the torque that accelerates the train is no part of
 the motion, nor are rigid-body motions that nothing holds back. Teeth stay in contact.
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.modal import static_equilibrium, static_mesh_force
-from gearstab.propagation.excitation import excitation
+from gearstab.propagation.equation import excitation
 from gearstab.propagation.first_order import bases
 from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PhaseEquation

@@ -15,7 +15,7 @@ from math import ceil
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.floquet.frequencies.per_mesh import FrequencyGroup, alone, groups
+from gearstab.floquet.frequencies import FrequencyGroup, alone, groups
 from gearstab.interrupts import heed
 from gearstab.modal import mean_modes, static_mesh_force
 from gearstab.response.loads import ConnectionForces, Contact, ForceMeter, contact

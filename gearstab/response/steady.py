@@ -21,12 +21,10 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.floquet.kernel.c_points import chained
 from gearstab.propagation.bundles import Bundle, bundles
-from gearstab.propagation.control import StepControl, remainder
-from gearstab.propagation.equation import Equation
-from gearstab.propagation.excitation import Excitation, excitation
+from gearstab.propagation.equation import Equation, Excitation, excitation
 from gearstab.propagation.first_order import FirstOrder, ModalMatrices, bases
 from gearstab.propagation.intervals import SteadyPoints
-from gearstab.propagation.magnus import ORDER
+from gearstab.propagation.magnus import ORDER, StepControl, remainder
 from gearstab.response.panels import fastest
 from gearstab.system import Array, GearSystem
 

@@ -103,7 +103,7 @@ def modes_group(system: GearSystem, speeds: Array | None = None) -> Group:
 
 def modes_over_speed(system: GearSystem, speeds: Array) -> dict[str, Array]:
     """Return the values of MODES_OVER_SPEED, at the first and the last speed and at some in between."""
-    from gearstab.floquet.general.whirl import whirl_motions
+    from gearstab.floquet.general.mean import whirl_motions
 
     known = np.unique(speeds)
     most = int(np.clip(WORK / system.size**2, FEWEST_SPEEDS, MOST_SPEEDS))

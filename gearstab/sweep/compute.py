@@ -15,7 +15,7 @@ from gearstab.sweep.layout import GridBlock, Layout
 from gearstab.sweep.plan import Plan
 from gearstab.sweep.storage.parts import FinishedBlock, places_of
 from gearstab.system import Array
-from gearstab.tolerance.design import correlated
+from gearstab.tolerance import correlated
 
 
 def compute(plan: Plan, block: GridBlock, taken: Outcome | None = None) -> FinishedBlock:

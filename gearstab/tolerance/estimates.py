@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.system import Array
-from gearstab.tolerance.design import SCRAMBLES, SamplingDesign
+from gearstab.tolerance import SCRAMBLES, SamplingDesign
 
 CONFIDENCE = 0.95
 SAME = 1e-6

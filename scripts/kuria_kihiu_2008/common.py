@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from gearstab.config import load
-from gearstab.floquet.frequencies import groups, per_mesh
+from gearstab.floquet import frequencies
+from gearstab.floquet.frequencies import groups
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import mesh_root_stress
 from gearstab.modal import static_mesh_force
@@ -94,7 +95,7 @@ def response(design: Design = Design()) -> list[SpeedResponse]:
     omega = np.array([design.teeth[0][0] * SPEED])
     found = []
     for group in groups(system):
-        alone = per_mesh.alone(system, group)
+        alone = frequencies.alone(system, group)
         # Enough for the vibration of the teeth, at 14 kHz, in the slowest mesh.
         samples = round(SAMPLES / float(group.ratio))
         found.append(speed_response(alone, float(group.ratio) * omega, samples))

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearstab.floquet import solve
-from gearstab.floquet.frequencies import groups, per_mesh
+from gearstab.floquet import frequencies, solve
+from gearstab.floquet.frequencies import groups
 from gearstab.gears.stress import load_shares, mesh_root_stress
 from gearstab.modal import mean_modes
 from gearstab.response import steady_state
@@ -109,7 +109,7 @@ def alone(stage: int) -> np.ndarray:
     """Deflection of a stage's teeth over one of its mesh cycles, the other meshes having their mean stiffness."""
     system = build(parameters(Design()))
     group = groups(system)[stage]
-    found = steady_state(per_mesh.alone(system, group), float(group.ratio) * 14 * SPEED, STEPS)
+    found = steady_state(frequencies.alone(system, group), float(group.ratio) * 14 * SPEED, STEPS)
     return np.asarray(found.mesh_deflection[:-1, stage])
 
 

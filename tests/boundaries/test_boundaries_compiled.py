@@ -12,9 +12,8 @@ from tongues import train
 from gearstab.ckernel import library
 from gearstab.config import load
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.boundaries.intervals import Interval, Intervals
-from gearstab.floquet.boundaries.parts import separated
-from gearstab.floquet.boundaries.undamped import search as compiled
+from gearstab.floquet.boundaries import undamped as compiled
+from gearstab.floquet.boundaries.parts import Interval, Intervals, separated
 from gearstab.floquet.kernel import c_boundaries, c_kernel
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.mesh import Mesh

@@ -17,8 +17,7 @@ from random_rotors import random_rotor
 
 from gearstab.config import load
 from gearstab.floquet import solve
-from gearstab.floquet.boundaries import Boundaries, boundaries
-from gearstab.floquet.boundaries.gyroscopic import phases
+from gearstab.floquet.boundaries import Boundaries, boundaries, gyroscopic
 from gearstab.floquet.general.mean import mean_motions
 from gearstab.floquet.stability import STATUS_FLAGS
 from gearstab.system import GearSystem
@@ -214,7 +213,7 @@ def test_what_the_bound_allows_for_is_no_matter_of_taste(monkeypatch: pytest.Mon
     found = boundaries(system, START, STOP)
     for factor in (0.5, 2.0):
         with monkeypatch.context() as own:
-            own.setattr(phases, "DRIFT", factor * phases.DRIFT)
+            own.setattr(gyroscopic, "DRIFT", factor * gyroscopic.DRIFT)
             other = boundaries(system, START, STOP)
         np.testing.assert_allclose(np.stack([other.lower, other.upper]), [found.lower, found.upper], rtol=3e-10)
 

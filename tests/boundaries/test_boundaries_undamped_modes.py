@@ -11,8 +11,7 @@ from random_rotors import random_rotor
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.mesh import Mesh
-from gearstab.rotation import Rotation
+from gearstab.mesh import Mesh, Rotation
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 

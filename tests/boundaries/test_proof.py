@@ -14,8 +14,8 @@ from tongues import train
 from gearstab import ckernel
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.boundaries.coverage import Coverage, complement
-from gearstab.floquet.kernel import c_points, lyapunov
+from gearstab.floquet.boundaries.parts import Coverage, complement
+from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain, chain
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.segments.pattern import prepare
@@ -116,7 +116,7 @@ def test_of_many_coordinates_the_equation_is_solved_by_eigenvectors(monkeypatch:
     growth = c_points.moduli(flow, row, cycle)[:, 0]
     outside = growth > 1e-3
     expected = c_points.radii(flow, row, cycle, growth)[outside]
-    monkeypatch.setattr(lyapunov, "UNKNOWNS", 0)
+    monkeypatch.setattr(c_points, "UNKNOWNS", 0)
     found = c_points.radii(flow, row, cycle, growth)[outside]
     assert np.count_nonzero(expected) > 4
     np.testing.assert_allclose(found, expected, rtol=0.1, atol=1e-6)
@@ -144,7 +144,7 @@ def test_the_lyapunov_function_decreases_for_all_stretchings_within_its_radius()
     logs = numpy_chain.moduli(flow, row, cycle)
     stable = logs[:, 0] < 0
     row, cycle, logs = row[stable], cycle[stable], logs[stable]
-    rate = -lyapunov.PART * logs[:, 0] / flow.period(cycle)
+    rate = -c_points.PART * logs[:, 0] / flow.period(cycle)
     form = numpy_lyapunov.doubled(*numpy_lyapunov.Sweep(flow, row, flow.period(cycle), rate).equation())
     radius = numpy_lyapunov.radii(flow, row, cycle, logs[:, 0])
     inverse = flow.inverse[0, flow.states[0]]

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from gearstab.floquet.boundaries import Boundaries
-from gearstab.floquet.boundaries.intervals import Interval, Intervals
-from gearstab.floquet.boundaries.names.labels import Root
-from gearstab.floquet.boundaries.names.naming import Names, coupled
+from gearstab.floquet.boundaries.names import Names, Root, coupled
+from gearstab.floquet.boundaries.parts import Interval, Intervals
 from gearstab.floquet.boundaries.regions import BOUNDARY_FLAGS, union
 from gearstab.perturbation.tongues import Tongue
 

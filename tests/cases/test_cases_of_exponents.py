@@ -18,7 +18,7 @@ from tongues import inside, near_edge
 import gearstab as gs
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import Boundaries, boundaries
-from gearstab.floquet.kernel import factors, levels
+from gearstab.floquet.kernel import factors
 from gearstab.mesh import Mesh
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
@@ -72,7 +72,7 @@ def test_every_speed_takes_the_short_way(monkeypatch: pytest.MonkeyPatch) -> Non
     found = solve(system, omega, exponents=True).exponents
     assert found is not None
     assert long == []
-    monkeypatch.setattr(levels, "log_multipliers", lambda pattern, generator, row, omega: np.nan)
+    monkeypatch.setattr(factors, "log_multipliers", lambda pattern, generator, row, omega: np.nan)
     # The periodic QR algorithm, right to 1e-14 times its number of factors; windows are right to 1e-9 each.
     expected = solve(system, omega[8:9], exponents=True).exponents
     assert expected is not None

@@ -15,7 +15,7 @@ import gearstab as gs
 from gearstab import ckernel
 from gearstab.config import ConfigError, load
 from gearstab.errors import DoubtWarning
-from gearstab.floquet.frequencies.choice import chosen
+from gearstab.floquet.frequencies import chosen
 from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.sweep import forecast, plan

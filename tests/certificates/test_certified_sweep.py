@@ -263,7 +263,7 @@ def test_springs_that_give_way_while_the_speed_follows_are_refused(tmp_path: Pat
 
 
 def test_python_flint_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gearstab.methods.restriction.find_spec", lambda name: None)
+    monkeypatch.setattr("gearstab.methods.base.find_spec", lambda name: None)
     assert "gearstab[verify]" in refused("sweep", written(tmp_path, CASE))
 
 

@@ -22,8 +22,7 @@ from gearstab.cli.report.content import page
 from gearstab.cli.report.page import BulletList, Heading, Page, Picture, Table, Text, html
 from gearstab.cli.report.pdf import MARGIN, PAPER, pdf, sheets
 from gearstab.config import load
-from gearstab.floquet import solve
-from gearstab.floquet.frequencies import per_mesh
+from gearstab.floquet import frequencies, solve
 from gearstab.perturbation import Tongue
 from gearstab.plots.drawing.style import style
 from gearstab.systems import build
@@ -197,7 +196,7 @@ def test_regions_of_first_order_in_which_nothing_grows_are_not_called_open(drive
             continue
         low, high = (float(end) * 2 * np.pi / 60 * 56 for end in row[3].split(" to "))
         omega = np.linspace(2 * low - high, 2 * high - low, 80)
-        assert per_mesh.solve(system, omega, solve).growth_rate.max() > 0
+        assert frequencies.solve(system, omega, solve).growth_rate.max() > 0
 
 
 def test_the_worst_speeds() -> None:

@@ -27,7 +27,7 @@ from systems import (
 import gearstab
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.smooth import control, steps
-from gearstab.floquet.smooth.schemes import CF4_2, CF6_5
+from gearstab.floquet.smooth.steps import CF4_2, CF6_5
 from gearstab.waveforms import Fourier, Rectangular, Trapezoidal
 
 

@@ -10,7 +10,7 @@ from scenes import scene_text, succeeds, written
 from systems import COSINE, Smooth
 
 from gearstab.floquet import solve
-from gearstab.floquet.boundaries.solve import boundaries
+from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.frequencies import lyapunov
 from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.modal import mean_modes

@@ -14,12 +14,12 @@ import numpy_kernel
 import pytest
 
 from gearstab import ckernel
+from gearstab.ckernel import WORTH_A_THREAD, in_threads
+from gearstab.floquet.boundaries import names
 from gearstab.floquet.boundaries.counting import points
-from gearstab.floquet.boundaries.names import labels
-from gearstab.floquet.kernel import levels
+from gearstab.floquet.kernel import factors as levels
 from gearstab.floquet.kernel.c_kernel import graded
 from gearstab.floquet.kernel.damped import Generators, factors, generators
-from gearstab.floquet.kernel.threads import WORTH_A_THREAD, in_threads
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.mesh import Mesh
 from gearstab.system import Array, GearSystem
@@ -154,7 +154,7 @@ def test_a_fork_computes_alone() -> None:
 SOURCES = Path(ckernel.__file__).parent / "boundaries"
 
 SHARED = [
-    ("actions.h", "BAND", labels.BAND), ("actions.h", "LEADING", labels.LEADING), ("actions.h", "LEAST", labels.LEAST),
+    ("actions.h", "BAND", names.BAND), ("actions.h", "LEADING", names.LEADING), ("actions.h", "LEAST", names.LEAST),
     ("actions.h", "LARGEST_MATRIX", points.LARGEST), ("search.h", "LARGEST", points.LARGEST),
 ]  # fmt: skip
 

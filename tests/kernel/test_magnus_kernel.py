@@ -13,7 +13,7 @@ from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.kernel.decision import DOUBTFUL
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.floquet.smooth import compare, steps
-from gearstab.floquet.smooth.schemes import CF6_5
+from gearstab.floquet.smooth.steps import CF6_5
 from gearstab.mesh import Mesh
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular

@@ -20,12 +20,11 @@ import gearstab as gs
 from gearstab.config import ConfigError, load
 from gearstab.floquet import solve
 from gearstab.floquet.stability import STATUS_FLAGS
-from gearstab.mesh import Mesh, PeriodicTerm
+from gearstab.mesh import Mesh, PeriodicTerm, Rotation
 from gearstab.methods import METHODS, OptionError
 from gearstab.propagation.elastic import elastic_forms, mean_levels
 from gearstab.propagation.path import Path
 from gearstab.response import driven_response, ramp_response, steady_state
-from gearstab.rotation import Rotation
 from gearstab.system import Feature, GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Constant, Fourier, Rectangular, Trapezoidal

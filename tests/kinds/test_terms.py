@@ -15,7 +15,7 @@ from scipy.linalg import expm
 from gearstab.config import load
 from gearstab.config.schema import schema
 from gearstab.floquet import solve
-from gearstab.floquet.frequencies.per_mesh import alone, groups
+from gearstab.floquet.frequencies import alone, groups
 from gearstab.response import steady_state
 from gearstab.system import GearSystem
 from gearstab.systems import build

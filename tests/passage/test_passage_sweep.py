@@ -12,9 +12,9 @@ from scenes import REDUCER, TRAIN, problems, read, result_of, scene_data, scene_
 import gearstab as gs
 from gearstab.config import load
 from gearstab.floquet import solve
+from gearstab.mesh import Rotation
 from gearstab.passage.propagator import growth, motion
 from gearstab.propagation.path import Path
-from gearstab.rotation import Rotation
 from gearstab.sweep import plan
 from gearstab.systems import build
 
@@ -86,7 +86,7 @@ def test_the_exact_motion_alone_where_regions_are_not_looked_for(tmp_path, monke
     rate = "rate: [0.03, -0.1]"
     text = f"{TRAIN}sweep: {{mesh_frequency: [1.5, 6.0]}}\nmethods: {{passage: {{{rate}}}}}\n"
     whole = result_of(tmp_path, text, "passage")
-    monkeypatch.setattr(import_module("gearstab.passage.solve"), "boundaries", None)
+    monkeypatch.setattr(import_module("gearstab.passage"), "boundaries", None)
     found = result_of(tmp_path, text.replace(rate, f"{rate}, regions: false"), "passage")
     for name in ("growth_exact", "growth_through"):
         assert np.array_equal(found[name], whole[name])
@@ -137,7 +137,7 @@ def test_units_in_the_header_of_a_table(tmp_path):
 
 
 def test_a_path_too_long_to_follow_is_flagged(tmp_path, monkeypatch):
-    monkeypatch.setattr(import_module("gearstab.passage.solve"), "MOST", 100)
+    monkeypatch.setattr(import_module("gearstab.passage"), "MOST", 100)
     text = TRAIN + "sweep: {mesh_frequency: [1.5, 3.0]}\nmethods: {passage: {rate: [0.01, 100.0]}}\n"
     found = result_of(tmp_path, text, "passage")
     assert found["status"].values.tolist() == [1, 0]

@@ -9,11 +9,10 @@ from driven import monodromy
 from naming import Unnamed, assign, below, center, near
 from tongues import train
 
-from gearstab.floquet.boundaries.names.labels import Root
+from gearstab.floquet.boundaries.names import Root
 from gearstab.floquet.kernel import c_boundaries
 from gearstab.perturbation import first_order
-from gearstab.perturbation.ranking import RankedRegion, rank
-from gearstab.perturbation.remedies import contact_ratios, phasing, resonance, strength
+from gearstab.perturbation.remedies import RankedRegion, contact_ratios, phasing, rank, resonance, strength
 from gearstab.system import GearSystem
 from gearstab.systems import build
 

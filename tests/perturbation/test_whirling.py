@@ -14,12 +14,10 @@ import numpy as np
 import pytest
 
 from gearstab.floquet import solve
-from gearstab.mesh import Mesh
+from gearstab.mesh import Mesh, Rotation
 from gearstab.methods import METHODS, OptionError
 from gearstab.perturbation import first_order
-from gearstab.perturbation.whirling import whirling_rows
-from gearstab.perturbation.whirling.pairing import resonance_of
-from gearstab.rotation import Rotation
+from gearstab.perturbation.whirling import resonance_of, whirling_rows
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 

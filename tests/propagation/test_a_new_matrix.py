@@ -13,22 +13,19 @@ import numpy as np
 import pytest
 from driven import integrated, integrated_along, train
 
-from gearstab.floquet import solve
-from gearstab.floquet.general import solve as general
+from gearstab.floquet import general, solve
 from gearstab.floquet.truncation import neglected
-from gearstab.mesh import PeriodicTerm
+from gearstab.mesh import PeriodicTerm, Rotation
 from gearstab.methods import METHODS, OptionError
 from gearstab.modal import mean_modes, static_equilibrium
 from gearstab.passage.propagator import growth, motion
-from gearstab.propagation.equation import Equation
-from gearstab.propagation.excitation import excitation
+from gearstab.propagation.equation import Equation, excitation
 from gearstab.propagation.first_order import bases
 from gearstab.propagation.intervals import SteadyPoints
 from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PhaseEquation
 from gearstab.response import driven_response, ramp_response, steady_state
 from gearstab.response.steady import start
-from gearstab.rotation import Rotation
 from gearstab.support import unsupported
 from gearstab.system import Feature, GearSystem
 from gearstab.waveforms import Constant, Fourier, Trapezoidal

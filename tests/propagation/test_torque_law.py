@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 
 import gearstab
 from gearstab.mesh import Mesh
-from gearstab.propagation.control import StepControl
 from gearstab.propagation.elastic import elastic_forms
 from gearstab.propagation.first_order import bases
+from gearstab.propagation.magnus import StepControl
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 

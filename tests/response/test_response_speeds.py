@@ -17,7 +17,7 @@ from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.modal import static_mesh_force
 from gearstab.propagation import bundles
-from gearstab.propagation.excitation import excitation
+from gearstab.propagation.equation import excitation
 from gearstab.propagation.segment import States
 from gearstab.response import harmonics, steady_state
 from gearstab.response.panels import NODES, extremes

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gearstab.tolerance.design import SamplingDesign, correlated, groups_of
-from gearstab.tolerance.distributions import Distribution
+from gearstab.tolerance import Distribution, SamplingDesign, correlated, groups_of
 
 CASES = [
     (Distribution("normal", (1.5, 0.03)), stats.norm(1.5, 0.03)),

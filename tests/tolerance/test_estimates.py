@@ -5,8 +5,7 @@ import pytest
 from scipy import stats
 from scipy.special import ndtr, ndtri
 
-from gearstab.tolerance import estimates
-from gearstab.tolerance.design import SCRAMBLES, SamplingDesign
+from gearstab.tolerance import SCRAMBLES, SamplingDesign, estimates
 from gearstab.tolerance.estimates import mean_of_chances, probability, sobol_indices
 
 NOTHING = np.zeros((1, 1, 1), dtype=bool)

@@ -12,7 +12,7 @@ from gearstab.floquet import solve
 from gearstab.sweep import plan
 from gearstab.sweep.compute import compute
 from gearstab.systems import build
-from gearstab.tolerance.design import SamplingDesign, correlated
+from gearstab.tolerance import SamplingDesign, correlated
 
 PAIR = """
 system: {kind: gear_pair, equivalent_mass: 1.0, meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}]}

@@ -1,6 +1,6 @@
 /* Lyapunov functions with a radius at scattered points of damped patterns.
 
-   The mathematics stands in gearstab/floquet/kernel/lyapunov.py. Symmetric matrices are held whole; every point has a
+   The mathematics stands in gearstab/floquet/kernel/c_points.py. Symmetric matrices are held whole; every point has a
    lane of its own, and what comes out does not depend on its neighbours. */
 
 #ifndef GEARSTAB_LYAPUNOV_H

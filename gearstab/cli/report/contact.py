@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.cli.report.facts import State
-from gearstab.floquet.frequencies.choice import AFFORDABLE, COMMON_PERIOD
+from gearstab.floquet.frequencies import AFFORDABLE, COMMON_PERIOD
 from gearstab.system import Array, GearSystem
 
 SPEEDS = 201

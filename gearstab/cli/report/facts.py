@@ -14,13 +14,12 @@ import numpy as np
 from gearstab.config import Config
 from gearstab.design import regions
 from gearstab.design.problem import Span
-from gearstab.floquet.boundaries import Boundaries, boundaries
+from gearstab.floquet.boundaries import BUDGET, Boundaries, boundaries
 from gearstab.floquet.boundaries.damped.proof import MODULI
 from gearstab.floquet.boundaries.damped.search import COARSEST, PURSUIT
-from gearstab.floquet.boundaries.solve import BUDGET
 from gearstab.floquet.dispatch import in_modes, reduction
-from gearstab.floquet.frequencies.choice import AFFORDABLE, Strategy, common_period
-from gearstab.floquet.general.whirl import whirl_motions
+from gearstab.floquet.frequencies import AFFORDABLE, Strategy, common_period
+from gearstab.floquet.general.mean import whirl_motions
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
 from gearstab.info.records import DangerousRegion, ShownSpeeds

@@ -18,8 +18,7 @@ from gearstab.config.model.values import Quantity
 from gearstab.config.sections.sweep import BaseValue, Context, is_absent
 from gearstab.config.sections.targets import Target
 from gearstab.systems.base import System
-from gearstab.tolerance.design import groups_of
-from gearstab.tolerance.distributions import DISTRIBUTIONS, Distribution
+from gearstab.tolerance import DISTRIBUTIONS, Distribution, groups_of
 
 SECTION: Path = ("methods", "tolerance")
 OUTSIDE = 1e-6

@@ -22,24 +22,23 @@ from functools import cache
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from gearstab.floquet.boundaries import smooth
+from gearstab.floquet.boundaries import gyroscopic, smooth
 from gearstab.floquet.boundaries.counting.krein import spectrum
 from gearstab.floquet.boundaries.damped.search import NO_GROWTH, Limits, SearchResult, fastest
-from gearstab.floquet.boundaries.gyroscopic import search as gyroscopic
 from gearstab.floquet.boundaries.parts import Part
-from gearstab.floquet.general.canonical import CanonicalPeriods
-from gearstab.floquet.general.stepped import cut, varying
+from gearstab.floquet.general import cut, varying
+from gearstab.floquet.general.exact import CanonicalPeriods
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
-from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
+from gearstab.floquet.smooth.steps import CF4_2, CF6_5, Scheme
 from gearstab.grouping import equal_rows
-from gearstab.propagation.control import StepControl, remainder
 from gearstab.propagation.elastic import ElasticForm, elastic_forms, free_rotations
 from gearstab.propagation.first_order import FirstOrder
+from gearstab.propagation.magnus import StepControl, remainder
 from gearstab.propagation.schedule import Schedule, distinct, schedule
 from gearstab.system import Array, GearSystem
 

@@ -50,7 +50,7 @@ class Boundaries:
     contacts ``(rows,)``: collisions of multipliers that open no region as wide as ``width_floor`` (relative to Omega).
     evaluations ``(rows,)``: monodromy matrices computed, and proofs tried.
     proved: of each row, ``(K, 2)`` stretches of Omega, disjoint and ascending, that are proved stable (in floating
-        point, see :mod:`gearstab.floquet.kernel.lyapunov`). counted: those stable ones that are not, but where a count
+        point, see :mod:`gearstab.floquet.kernel.c_points`). counted: those stable ones that are not, but where a count
         of collisions, or a scan with the step that damping sets, has found nothing.
     sampled_step: ``(rows,)``, the largest distance of the samples in the rest, relative to Omega; 0 where there is no
         rest. coarse ``(rows,)``: whether only these were looked at, and not all meetings of multipliers between them.

@@ -27,18 +27,16 @@ import numpy as np
 from gearstab.floquet.boundaries.counting.krein import stable_at
 from gearstab.floquet.boundaries.counting.points import Resolved, exact
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult
-from gearstab.floquet.boundaries.intervals import Intervals
-from gearstab.floquet.boundaries.parts import Part, separated
-from gearstab.floquet.boundaries.undamped.search import Search
+from gearstab.floquet.boundaries.parts import Intervals, Part, separated
+from gearstab.floquet.boundaries.undamped import Search
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, chain
 from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.smooth import periods, within
 from gearstab.floquet.smooth.compare import difference, scan
 from gearstab.floquet.smooth.control import SAFETY, Ladder, first
-from gearstab.floquet.smooth.schemes import CF4_2, CF6_5
-from gearstab.floquet.smooth.solve import periods, within
-from gearstab.floquet.smooth.steps import Division
-from gearstab.propagation.control import StepControl, remainder
+from gearstab.floquet.smooth.steps import CF4_2, CF6_5, Division
+from gearstab.propagation.magnus import StepControl, remainder
 from gearstab.system import Array, GearSystem
 
 PILOTS = 9

@@ -25,9 +25,9 @@ from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import Pattern, window
 from gearstab.floquet.segments.reduction import Elastic
-from gearstab.floquet.smooth.schemes import CF6_5
+from gearstab.floquet.smooth.steps import CF6_5
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
-from gearstab.propagation.control import StepControl
+from gearstab.propagation.magnus import StepControl
 from gearstab.support import ONLY_MESHES, require
 from gearstab.system import Array, GearSystem
 

@@ -4,7 +4,7 @@ The order of the segments does not depend on the mesh frequency, so that all mes
 side, each with its own durations.
 
 Stiffness that is not piecewise constant is cut into Magnus steps first. Each is a product of a few exponentials, which
-are segments of constant stiffness (:mod:`~gearstab.floquet.smooth.schemes`).
+are segments of constant stiffness (:mod:`~gearstab.floquet.smooth.steps`).
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from gearstab.floquet.kernel import damped
 from gearstab.floquet.kernel.factors import rotation
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES, SHORTEST, Pattern
 from gearstab.floquet.segments.reduction import Elastic, reduce
-from gearstab.floquet.smooth.schemes import CF6_5
-from gearstab.floquet.smooth.steps import exponentials, in_steps
+from gearstab.floquet.smooth.steps import CF6_5, exponentials, in_steps
 from gearstab.propagation.schedule import Functions, sources
 from gearstab.system import Array, GearSystem
 

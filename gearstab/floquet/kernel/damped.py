@@ -16,8 +16,8 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.floquet.segments.pattern import Pattern, Succession
+from gearstab.mesh import speed_factors
 from gearstab.propagation.first_order import FirstOrder
-from gearstab.rotation import factors as speed_factors
 from gearstab.system import Array
 
 SYMMETRIC = 1e-14

@@ -15,21 +15,18 @@ from typing import TypeVar
 import numpy as np
 
 from gearstab.floquet.dispatch import in_modes
-from gearstab.floquet.general import analyse
+from gearstab.floquet.general import SteppedRows, analyse, stepped_rows
 from gearstab.floquet.general.exact import ExactRows, exact_rows
-from gearstab.floquet.general.stepped import SteppedRows, stepped_rows
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import Block, split
 from gearstab.floquet.segments.pattern import Pattern
-from gearstab.floquet.smooth.schemes import CF6_5
-from gearstab.floquet.smooth.solve import periods, within
-from gearstab.floquet.smooth.steps import Division
-from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
-from gearstab.mesh import PeriodicTerm
+from gearstab.floquet.smooth import periods, within
+from gearstab.floquet.smooth.steps import CF6_5, Division
+from gearstab.floquet.stability import DAMPED_ON_CIRCLE, OperatingPoints, solved
+from gearstab.mesh import PeriodicTerm, Rotation
 from gearstab.modal import modal_damping_matrix
-from gearstab.propagation.control import StepControl, remainder
-from gearstab.rotation import Rotation
+from gearstab.propagation.magnus import StepControl, remainder
 from gearstab.system import Array, Feature, GearSystem
 
 DAMPING_RATIO, FACTOR = "damping_ratio", "factor"

@@ -19,7 +19,7 @@ from gearstab.floquet.kernel import damped
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.decision import DOUBTFUL, growth_of
 from gearstab.floquet.segments.pattern import Pattern
-from gearstab.floquet.solution import pieces
+from gearstab.floquet.stability import pieces
 from gearstab.system import Array
 
 EPSILON = float(np.finfo(float).eps)

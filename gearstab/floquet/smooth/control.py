@@ -15,9 +15,8 @@ import numpy as np
 
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import KernelAnswer, colliding, difference, scan
-from gearstab.floquet.smooth.schemes import Scheme
-from gearstab.floquet.smooth.steps import Division
-from gearstab.propagation.control import AIM, StepControl, remainder
+from gearstab.floquet.smooth.steps import Division, Scheme
+from gearstab.propagation.magnus import AIM, StepControl, remainder
 from gearstab.system import Array
 
 SAFETY = 10.0

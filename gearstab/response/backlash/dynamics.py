@@ -1,7 +1,7 @@
 """The motion between two events as a polynomial of time, of as high a degree as rounding errors are worth.
 
 With a given contact of every mesh the motion is linear, y' = G(t) y for y = (x, S z): the state in the modes of the
-mean system, and the harmonics of what drives it (:mod:`gearstab.propagation.excitation`), scaled by S. Where all is
+mean system, and the harmonics of what drives it (:mod:`gearstab.propagation.equation`), scaled by S. Where all is
 constant a piece of it is the Taylor series of exp(G t), to 2^-52; where functions vary smoothly, Picard iteration on
 Chebyshev nodes, in pieces so short that the last Chebyshev coefficients are below a tolerance.
 """

@@ -16,8 +16,7 @@ import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.gears.relief import ReliefForce
-from gearstab.mesh import MachineElement, Mesh, PeriodicForce, PeriodicTerm, RevolutionError
-from gearstab.rotation import Rotation
+from gearstab.mesh import MachineElement, Mesh, PeriodicForce, PeriodicTerm, RevolutionError, Rotation
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import loads

@@ -17,7 +17,7 @@ import numpy as np
 
 from gearstab.config.model.reading import held
 from gearstab.errors import NotPossible
-from gearstab.rotation import Rotation
+from gearstab.mesh import Rotation
 from gearstab.system import Array, Cyclic
 from gearstab.systems.assembly import Coordinates, Element, Row, total
 from gearstab.systems.gearbox.bodies import base_radius, number, other

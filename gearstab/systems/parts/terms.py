@@ -15,8 +15,7 @@ from gearstab.config.model.axes import matrix, vector
 from gearstab.config.model.conflicts import Conflict, exactly_one, items, no_direction, within
 from gearstab.config.model.fields import AnyRatio, ContactRatio, Flag, NameText, Section, Turns, Vector, optional
 from gearstab.config.model.values import Quantity, Ratio
-from gearstab.mesh import PeriodicTerm
-from gearstab.rotation import Rotation
+from gearstab.mesh import PeriodicTerm, Rotation
 from gearstab.system import Array
 from gearstab.systems.feasibility import worst_entry
 from gearstab.systems.matrix_files import OF_ROTATION

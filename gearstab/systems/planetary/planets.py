@@ -15,7 +15,7 @@ from gearstab.config.document.problems import Path
 from gearstab.config.document.tree import Document, mapping
 from gearstab.config.model.axes import Grid
 from gearstab.config.model.conflicts import Conflict, plain_number
-from gearstab.rotation import Rotation
+from gearstab.mesh import Rotation
 from gearstab.system import Array
 from gearstab.systems.assembly import Coordinates, Row, total
 

@@ -9,9 +9,8 @@ from planetary_gears import cyclic, planetary
 from systems import COSINE, CURVE, GENERAL, LINES, TRAPEZOID, WAVE, oscillator, smooth_train, with_ramps
 
 from gearstab.floquet import solve
-from gearstab.floquet.boundaries import Boundaries, boundaries
+from gearstab.floquet.boundaries import Boundaries, boundaries, undamped
 from gearstab.floquet.boundaries.smooth import parts
-from gearstab.floquet.boundaries.undamped import search
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.modal import mean_modes
@@ -65,7 +64,7 @@ def joined(*found: Boundaries) -> np.ndarray:
 def test_edges_beside_a_multiplier_that_passes_one(density: float, monkeypatch: pytest.MonkeyPatch) -> None:
     # Multipliers meet 3e-5 rad from 1 just after one of them passed 1: there too long a step loses their signs.
     system = planetary()
-    monkeypatch.setattr(search, "DENSITY", density)
+    monkeypatch.setattr(undamped, "DENSITY", density)
     found = boundaries(system, 4.1, 6.2, 1e-10, 1e-5, reduction=False)
     known = boundaries(system, 4.5, 4.6, 1e-10, 1e-5)
     own = (found.lower > 4.5) & (found.upper < 4.6)

@@ -16,8 +16,7 @@ from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.boundaries.counting.points import exact
 from gearstab.floquet.boundaries.damped.search import Limits
 from gearstab.floquet.boundaries.smooth import SteppedPeriod
-from gearstab.floquet.smooth.schemes import CF4_2
-from gearstab.floquet.smooth.steps import divisions
+from gearstab.floquet.smooth.steps import CF4_2, divisions
 from gearstab.waveforms import Rectangular, Trapezoidal
 
 

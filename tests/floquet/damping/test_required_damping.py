@@ -9,7 +9,7 @@ from systems import train
 
 from gearstab.floquet import solve
 from gearstab.floquet.required_damping import FLAGS, growth, required_damping
-from gearstab.floquet.solution import DAMPED_ON_CIRCLE
+from gearstab.floquet.stability import DAMPED_ON_CIRCLE
 from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes, modal_damping_matrix
 from gearstab.perturbation import first_order

@@ -13,10 +13,9 @@ import gearstab as gs
 from gearstab.config import ConfigError
 from gearstab.floquet import solve
 from gearstab.floquet.required_damping import FLAGS, required_damping
-from gearstab.mesh import Mesh
+from gearstab.mesh import Mesh, Rotation
 from gearstab.modal import modal_damping_matrix
 from gearstab.perturbation import first_order
-from gearstab.rotation import Rotation
 from gearstab.system import GearSystem
 from gearstab.waveforms import Fourier, Rectangular, Scaled, Trapezoidal
 

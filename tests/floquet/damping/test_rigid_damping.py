@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from driven import monodromy
 
-from gearstab.floquet import solve
+from gearstab.floquet import frequencies, solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.frequencies import lyapunov, per_mesh
+from gearstab.floquet.frequencies import lyapunov
 from gearstab.floquet.required_damping import FLAGS, required_damping
 from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm
 from gearstab.response import free_response, steady_state
@@ -114,7 +114,7 @@ def test_other_ways_agree(kind):
     np.testing.assert_array_equal(general.stable, exact.stable)
     np.testing.assert_allclose(general.growth_rate, exact.growth_rate, atol=1e-9)
     one = replace(system, meshes=(system.meshes[0], replace(system.meshes[1], epsilon=np.asarray(0.0))))
-    alone = per_mesh.solve(one, omega, solve)
+    alone = frequencies.solve(one, omega, solve)
     np.testing.assert_allclose(alone.growth_rate, solve(one, omega).growth_rate, atol=1e-9)
     estimated = lyapunov.solve(system, omega, cycles=400)
     assert np.all(np.abs(estimated.growth_rate - exact.growth_rate) <= estimated.interval + 1e-4)

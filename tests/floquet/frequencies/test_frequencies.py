@@ -8,8 +8,8 @@ import pytest
 import systems
 from scipy.optimize import brentq
 
-from gearstab.floquet import STATUS_FLAGS, solve
-from gearstab.floquet.frequencies import chosen, common_period, groups, lyapunov, per_mesh
+from gearstab.floquet import STATUS_FLAGS, frequencies, solve
+from gearstab.floquet.frequencies import chosen, common_period, groups, lyapunov
 from gearstab.floquet.kernel import c_kernel, factors
 from gearstab.floquet.segments.pattern import prepare, window
 from gearstab.mesh import Mesh, PeriodicTerm
@@ -69,7 +69,7 @@ class TestPerMesh:
         epsilon = (0.4, 0.0) if which == 0 else (0.0, 0.4)
         system = train(epsilon=epsilon, damping_ratio=damping_ratio)
         omega = np.linspace(0.8, 8.0, 60)
-        exact, found = solve(system, omega), per_mesh.solve(system, omega, solve)
+        exact, found = solve(system, omega), frequencies.solve(system, omega, solve)
         # The rounding errors of one and of five or three periods.
         np.testing.assert_allclose(found.growth_rate, exact.growth_rate, atol=1e-11)
         np.testing.assert_array_equal(found.stable, exact.stable)
@@ -79,7 +79,7 @@ class TestPerMesh:
     def test_a_mesh_that_does_not_vary_has_no_say(self):
         # Row 0 varies in both meshes, row 1 in the first only, row 2 in none: there the constant system is the answer.
         system = train(epsilon=(np.array([0.4, 0.4, 0.0]), np.array([0.4, 0.0, 0.0])), damping_ratio=0.01)
-        found = per_mesh.solve(system, np.array([0.9]), solve)
+        found = frequencies.solve(system, np.array([0.9]), solve)
         np.testing.assert_array_equal(found.growth_rate[0], found.by_mesh[0].max(axis=-1))
         np.testing.assert_array_equal(found.growth_rate[1], found.by_mesh[1, :, 0])
         assert found.growth_rate[1, 0] < found.by_mesh[1, 0, 1]
@@ -88,7 +88,7 @@ class TestPerMesh:
     def test_meshes_of_one_frequency_vary_together(self):
         system = train(ratio=Fraction(1))
         omega = np.linspace(0.8, 8.0, 60)
-        found = per_mesh.solve(system, omega, solve)
+        found = frequencies.solve(system, omega, solve)
         assert [group.name for group in groups(system)] == ["first+second"]
         np.testing.assert_allclose(found.growth_rate, solve(system, omega).growth_rate, rtol=1e-12, atol=1e-12)
 
@@ -99,7 +99,7 @@ class TestPerMesh:
         difference = []
         for epsilon in (0.1, 0.05, 0.025):
             system = train(Fraction(7, 17), (epsilon, epsilon))
-            exact, found = solve(system, omega), per_mesh.solve(system, omega, solve)
+            exact, found = solve(system, omega), frequencies.solve(system, omega, solve)
             assert found.growth_rate > 0.4 * epsilon
             difference.append(float(np.abs(exact.growth_rate - found.growth_rate)[0, 0]))
         slopes = np.diff(np.log(difference)) / np.log(0.5)
@@ -111,7 +111,7 @@ class TestPerMesh:
         u = np.array([0.0, 0.0, 1.0])
         term = PeriodicTerm("term", u, u, stiffness=Scaled(Rectangular(1.25), 0.2, 0.3), frequency_ratio=Fraction(1, 7))
         (first, *_) = groups(replace(system, terms=(term,)))
-        frozen = per_mesh.alone(replace(system, terms=(term,)), first)
+        frozen = frequencies.alone(replace(system, terms=(term,)), first)
         assert frozen.terms[0].stiffness.value(np.array(0.1)) == pytest.approx(0.2, rel=1e-14)
         assert np.all(frozen.meshes[1].epsilon == 0)
 

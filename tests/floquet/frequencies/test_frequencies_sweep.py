@@ -14,8 +14,8 @@ from click.testing import Result
 from scenes import ran, refused, scene_text, succeeds
 
 from gearstab.config import load
-from gearstab.floquet import STATUS_FLAGS, solve
-from gearstab.floquet.frequencies import lyapunov, per_mesh
+from gearstab.floquet import STATUS_FLAGS, frequencies, solve
+from gearstab.floquet.frequencies import lyapunov
 from gearstab.modal import mean_modes
 from gearstab.plots import draw
 from gearstab.systems import build
@@ -182,7 +182,7 @@ def test_the_whole_gearbox_against_other_programs(root: Path) -> None:
     omega = 2 * np.pi * 14 * np.array([86.1, 86.2, 86.3, 86.4])
     exact = solve(system, omega).growth_rate[0]
     np.testing.assert_allclose(exact, [3.063, 3.354, -0.023, -0.023], atol=6e-4)  # given in three decimals
-    single = per_mesh.solve(system, omega, solve)
+    single = frequencies.solve(system, omega, solve)
     assert single.by_mesh is not None
     # Tooth stiffnesses agree to 1e-4, which moves the tongue by as much of its frequency.
     np.testing.assert_allclose(single.by_mesh[0, :, 0], [-0.02, 3.4305, 3.7719, 0.4636], atol=2e-3)
@@ -200,7 +200,7 @@ def test_the_table_of_the_gearbox(root: Path) -> None:
     assert len(rows) == 12
     omega = 2 * np.pi * hertz
     np.testing.assert_allclose(solve(system, omega).growth_rate[0], exact, atol=6e-4)  # printed to three decimals
-    np.testing.assert_allclose(per_mesh.solve(system, omega, solve).growth_rate[0], single, atol=6e-4)
+    np.testing.assert_allclose(frequencies.solve(system, omega, solve).growth_rate[0], single, atol=6e-4)
     assert np.all(np.abs(estimate - exact) <= half)
     found = lyapunov.solve(system, omega[1:2], cycles=100)
     assert abs(found.growth_rate[0, 0] - exact[1]) <= found.interval[0, 0] < 1.0

@@ -14,9 +14,8 @@ from scenes import scene_data
 
 import gearstab as gs
 from gearstab.config import ConfigError
-from gearstab.floquet.general.whirl import whirl_motions
-from gearstab.mesh import Mesh
-from gearstab.rotation import Rotation
+from gearstab.floquet.general.mean import whirl_motions
+from gearstab.mesh import Mesh, Rotation
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 

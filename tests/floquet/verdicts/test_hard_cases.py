@@ -11,8 +11,8 @@ from driven import monodromy
 from scipy.integrate import solve_ivp
 from systems import KINDS, SMOOTH_OMEGA, Smooth, smooth_train, star, system, train
 
-from gearstab.floquet import STATUS_FLAGS, solve
-from gearstab.floquet.frequencies import lyapunov, per_mesh
+from gearstab.floquet import STATUS_FLAGS, frequencies, solve
+from gearstab.floquet.frequencies import lyapunov
 from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.modal import mean_modes, modal_damping_matrix
 from gearstab.system import GearSystem
@@ -295,7 +295,7 @@ def test_terms(ratio):
 def test_several_frequencies(ratio):
     item, omega = lightly_damped(train(0.2, ratio="3/2"), ratio), np.linspace(0.8, 6.0, 12)
     assert_signs(lyapunov.solve(item, omega, cycles=20))
-    assert_signs(per_mesh.solve(item, omega, solve))
+    assert_signs(frequencies.solve(item, omega, solve))
 
 
 def test_rigid_motion_that_grows_by_rounding_only():

@@ -13,8 +13,7 @@ from scenes import scene_text, succeeds, written
 
 from gearstab.config import load
 from gearstab.errors import PlotError
-from gearstab.floquet import solve
-from gearstab.floquet.frequencies import per_mesh
+from gearstab.floquet import frequencies, solve
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.gears.geometry import Gear
 from gearstab.gears.mesh_stiffness import StiffnessModel
@@ -149,7 +148,7 @@ def close(found: np.ndarray, printed: list[float]) -> None:
 
 
 def test_growth_rates_of_one_mesh_alone_to_the_printed_digits() -> None:
-    found = per_mesh.solve(build(crosscheck()), 14 * SPEEDS, solve)
+    found = frequencies.solve(build(crosscheck()), 14 * SPEEDS, solve)
     assert found.by_mesh is not None
     close(found.by_mesh[0, :, 0], CROSSCHECK["mesh_I_only_floquet"])
 

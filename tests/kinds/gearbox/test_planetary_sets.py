@@ -16,8 +16,8 @@ from scenes import DATA, problems, read, scene_text
 from gearstab.floquet import solve
 from gearstab.info import speeds
 from gearstab.info import train as info_train
+from gearstab.mesh import speed_factors
 from gearstab.modal import mean_modes, static_mesh_force
-from gearstab.rotation import factors
 from gearstab.symmetry import natural_modes, phase_step, type_names
 from gearstab.systems import build
 from gearstab.systems.gearbox.train import Train
@@ -352,7 +352,7 @@ def whirl(system: Any, speed: float) -> tuple[np.ndarray, float]:
     size, zero = system.size, np.zeros((system.size, system.size))
     stiffness, gyroscopic = system.mean_stiffness_matrix(), zero
     for term in (term for rotation in system.rotations for term in rotation.terms()):
-        part = float(factors(np.asarray(speed), np.asarray(term.power), np.asarray(term.softening))) * term.matrix
+        part = float(speed_factors(np.asarray(speed), np.asarray(term.power), np.asarray(term.softening))) * term.matrix
         stiffness, gyroscopic = (stiffness, gyroscopic + part) if term.on_velocity else (stiffness + part, gyroscopic)
     inverse = np.linalg.inv(system.mass)
     state = np.block([[zero, np.eye(size)], [-inverse @ stiffness, -inverse @ gyroscopic]])

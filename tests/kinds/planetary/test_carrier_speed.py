@@ -22,9 +22,9 @@ from gearstab.config import ConfigError, load
 from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.floquet.general.mean import mean_motions
+from gearstab.mesh import speed_factors
 from gearstab.propagation.elastic import elastic_forms, mean_levels
 from gearstab.response import steady_state
-from gearstab.rotation import factors
 from gearstab.system import GearSystem
 from gearstab.systems import build
 
@@ -101,7 +101,7 @@ def test_the_preload_of_pins_is_that_of_the_nonlinear_model(row: dict[str, Any])
     (rotation,) = built(section(own, {"speed": row["W"]})).rotations
     (term,) = [term for term in rotation.terms() if np.any(term.softening)]
     speed, power, softening = (np.asarray(v) for v in (term.speed, term.power, term.softening))
-    found = float(factors(speed, power, softening)) * np.asarray(term.matrix)
+    found = float(speed_factors(speed, power, softening)) * np.asarray(term.matrix)
     carrier = built(section(own, 0)).coordinates.index("carrier_rotation")
     assert found[carrier, carrier] == pytest.approx(row["Hessian_theta_theta_over_rc2_minus_N_kp"], rel=1e-12)
     assert np.count_nonzero(found) == 1

@@ -9,7 +9,7 @@ import numpy_kernel
 
 from gearstab.floquet.boundaries.counting.krein import spectrum
 from gearstab.floquet.boundaries.counting.points import LARGEST, exact
-from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
+from gearstab.floquet.boundaries.parts import Interval, Intervals, by_row
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 

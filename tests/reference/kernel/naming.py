@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from gearstab.floquet.boundaries.names.labels import Root
+from gearstab.floquet.boundaries.names import Root
 from gearstab.system import Array
 
 SURE, FORBIDDEN, REACH = 0.5, -10.0, 1.3

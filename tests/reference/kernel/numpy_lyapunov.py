@@ -1,4 +1,4 @@
-"""Radii of Lyapunov functions in NumPy: the theory in floquet/kernel/lyapunov.py, no more."""
+"""Radii of Lyapunov functions in NumPy: the theory in floquet/kernel/c_points.py, no more."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gearstab.floquet.kernel.chain import Chain
-from gearstab.floquet.kernel.lyapunov import (
+from gearstab.floquet.kernel.c_points import (
     BISECTIONS,
     DOUBLINGS,
     FARTHEST,
@@ -20,7 +19,8 @@ from gearstab.floquet.kernel.lyapunov import (
     SECURE,
     UNKNOWNS,
 )
-from gearstab.floquet.kernel.lyapunov import stein as by_vectors
+from gearstab.floquet.kernel.c_points import stein as by_vectors
+from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
 
 SAME = 1e-8

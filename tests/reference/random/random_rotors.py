@@ -4,8 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from gearstab.mesh import Mesh
-from gearstab.rotation import Rotation
+from gearstab.mesh import Mesh, Rotation
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 

@@ -1,6 +1,6 @@
 """Covering the range of mesh frequencies by stretches on which the number of multipliers outside is proved constant.
 
-A Lyapunov function comes with a radius (:mod:`~gearstab.floquet.kernel.lyapunov`): around its point the number of
+A Lyapunov function comes with a radius (:mod:`~gearstab.floquet.kernel.c_points`): around its point the number of
 multipliers outside the unit circle does not change. Points are added where stretches leave gaps, until these are
 narrower than a floor or the budget is spent:
 

@@ -18,7 +18,7 @@ import numpy as np
 from gearstab.floquet.boundaries.damped.proof import Cover, Gaps, MultiplierSamples
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
-from gearstab.floquet.solution import DAMPED_ON_CIRCLE
+from gearstab.floquet.stability import DAMPED_ON_CIRCLE
 from gearstab.grouping import numbered
 from gearstab.system import Array
 

@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gearstab.floquet.boundaries import undamped
 from gearstab.floquet.boundaries.damped.meetings import RASTER, pursue, pursue_beside
 from gearstab.floquet.boundaries.damped.proof import MODULI, PROVED, SPECTRUM, Cover, cover, damping_ratio
 from gearstab.floquet.boundaries.damped.scan import STEP, Scan
-from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row, paired, verdicts_at_ends
-from gearstab.floquet.boundaries.undamped import search as undamped
-from gearstab.floquet.boundaries.undamped.search import Search
+from gearstab.floquet.boundaries.parts import Interval, Intervals, by_row, paired, verdicts_at_ends
+from gearstab.floquet.boundaries.undamped import Search
 from gearstab.floquet.kernel import damped as general
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.segments.pattern import Pattern

@@ -2,7 +2,7 @@
 bounds.
 
 The growing Floquet solution is sampled over a common period and its harmonics c_k are found by the fast Fourier
-transform; what they say is explained in :mod:`~gearstab.floquet.boundaries.names.labels`. With damping the Krein form
+transform; what they say is explained in :mod:`~gearstab.floquet.boundaries.names`. With damping the Krein form
 does not vanish, but positive and negative actions still have their leading parts at the two modes of the tongue.
 """
 
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.boundaries.damped.scan import halves
-from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
-from gearstab.floquet.boundaries.names.labels import BAND, Root, Shares, leading_roots, nearest_sum
+from gearstab.floquet.boundaries.names import BAND, Root, Shares, leading_roots, nearest_sum
+from gearstab.floquet.boundaries.parts import Interval, Intervals, by_row
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
 

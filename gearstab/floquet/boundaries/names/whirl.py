@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.boundaries.intervals import Intervals
-from gearstab.floquet.boundaries.names.labels import BAND, nearest_sum
+from gearstab.floquet.boundaries.names import BAND, nearest_sum
+from gearstab.floquet.boundaries.parts import Intervals
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.grouping import Columns, numbered

@@ -15,7 +15,7 @@ import numpy as np
 from gearstab.floquet.boundaries.counting.krein import about_to_meet, opened, stable_at
 from gearstab.floquet.boundaries.counting.pairs import COMBINATION, SELF
 from gearstab.floquet.boundaries.counting.points import exact
-from gearstab.floquet.boundaries.intervals import Intervals
+from gearstab.floquet.boundaries.parts import Intervals
 from gearstab.floquet.kernel import c_boundaries
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array

@@ -1,1 +1,0 @@
-"""Exact boundaries of undamped systems with gyroscopic and centripetal terms, whose speeds may follow the mesh."""
