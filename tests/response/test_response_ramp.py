@@ -20,7 +20,7 @@ from gearstab.response.command.ramp import path_of
 from gearstab.response.spectra import waterfall
 from gearstab.system import GearSystem
 from gearstab.systems import build
-from gearstab.systems.parts.respond import Respond
+from gearstab.systems.respond import Respond
 from gearstab.waveforms import Rectangular
 
 Array = np.ndarray

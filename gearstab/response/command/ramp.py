@@ -21,7 +21,7 @@ from gearstab.system import GearSystem
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.config.model.axes import SpeedAxis
-    from gearstab.systems.parts.respond import Respond
+    from gearstab.systems.respond import Respond
 
 
 def path_of(section: Respond) -> Path:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.response import RampResponse, Response
     from gearstab.response.backlash import BacklashResponse
-    from gearstab.systems.parts.respond import Respond
+    from gearstab.systems.respond import Respond
 
 MOST_NUMBERS = 250_000_000
 """Numbers that a result may hold (2 GB); working on them takes some five times as much memory."""
