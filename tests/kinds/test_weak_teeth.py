@@ -19,7 +19,7 @@ from systems import lone_pair
 import gearstab as gs
 from gearstab.config import load
 from gearstab.gears.mesh_stiffness import contact_stiffness
-from gearstab.response.periodic import steady_state
+from gearstab.response.history import steady_state
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.gearbox.faults import equal_shares, missing, over_the_width
