@@ -40,11 +40,11 @@ def sweep(
     """
     from gearstab.api.runs import reporter
     from gearstab.results.read import from_bytes
-    from gearstab.sweep import limits, plan, run_in_memory
+    from gearstab.sweep import forecast, plan, run_in_memory
 
     planned = plan(as_config(config, "sweep", "methods"))
     folder = Path(tempfile.gettempdir()) / "result.h5"
-    found = limits.refuse(planned, folder, jobs, confirmed, "pass confirmed=True to begin it")
+    found = forecast.refuse(planned, folder, jobs, confirmed, "pass confirmed=True to begin it")
     return from_bytes(run_in_memory(planned, jobs, reporter(progress), said_of(planned.config), found))
 
 

@@ -76,8 +76,7 @@ def command(
     from gearstab.info import outcome
     from gearstab.results.read import SWEEP, result_of
     from gearstab.sweep import MOST_FAILURES, plan, run
-    from gearstab.sweep.forecast import estimate
-    from gearstab.sweep.limits import refuse
+    from gearstab.sweep.forecast import estimate, refuse
 
     conditions = [outcome.condition(text) for text in limits_of]
     result_of(SWEEP).refuse(target, config)
@@ -155,7 +154,7 @@ def final_line(target: Path, summary: Summary, seconds: float) -> str:
 def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     """Return the text that ``--dry-run`` prints."""
     from gearstab.info.tables import columns
-    from gearstab.sweep.limits import large
+    from gearstab.sweep.forecast import large
 
     axes = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes]
     methods = [[m.name, f"{m.points:,}", f"{m.blocks:,}", m.time, size(m.file_size)] for m in found.methods]

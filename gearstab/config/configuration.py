@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gearstab.config.sections.design import Design
     from gearstab.config.sections.uncertain import Uncertainties
     from gearstab.systems.base import System  # noqa: F401 - named in quotes
-    from gearstab.systems.parts.respond import PairRespond, Respond
+    from gearstab.systems.respond import PairRespond, Respond
 
 
 @dataclass(frozen=True)

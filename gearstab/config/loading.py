@@ -19,7 +19,7 @@ from gearstab.config.document.yaml import parse_value, read
 if TYPE_CHECKING:
     from gearstab.config.model.fields import ShortName
     from gearstab.systems.base import System
-    from gearstab.systems.parts.mesh import ToothMesh
+    from gearstab.systems.mesh import ToothMesh
 
 TOP_LEVEL = ("title", "system", "sweep", "methods", "respond", "design")
 """The sections of a document."""
@@ -89,7 +89,7 @@ def _places(document: Document, name: str, option: str) -> list[Path]:
 
 
 def _of_meshes(places: list[tuple[Path, ToothMesh]], name: str, short: ShortName, option: str) -> list[Path]:
-    from gearstab.systems.parts.mesh import may_have
+    from gearstab.systems.mesh import may_have
 
     found: list[Path] = [("system", *place, name) for place, mesh in places if may_have(name, short, place[-1], mesh)]
     if not found:

@@ -36,7 +36,7 @@ from gearstab.systems.base import System
 if TYPE_CHECKING:
     from gearstab.config.sections.design import Design
     from gearstab.config.sections.uncertain import Uncertainties
-    from gearstab.systems.parts.respond import PairRespond, Respond
+    from gearstab.systems.respond import PairRespond, Respond
 
 
 @dataclass
@@ -135,7 +135,7 @@ def read_respond(document: Document, system: System | None) -> Respond | PairRes
     """
     if "respond" not in document.data:
         return None
-    from gearstab.systems.parts.respond import Respond
+    from gearstab.systems.respond import Respond
 
     section: Any = document.data["respond"]
     model: type[Respond | PairRespond] = Respond if system is None else system.respond_model()

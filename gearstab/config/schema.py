@@ -20,7 +20,7 @@ from gearstab.errors import NotPossible
 from gearstab.systems import KINDS, short_names
 from gearstab.systems.base import Start
 from gearstab.systems.gear_pair import RotatingGearPair
-from gearstab.systems.parts.respond import PairRespond, Respond
+from gearstab.systems.respond import PairRespond, Respond
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 VALUES = {

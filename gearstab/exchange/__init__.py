@@ -11,8 +11,7 @@ from gearstab.errors import NotPossible
 from gearstab.floquet.truncation import modes_basis
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
-from gearstab.systems.matrix_files import OF_ROTATION
-from gearstab.systems.parts.terms import antisymmetric_terms, symmetric
+from gearstab.systems.matrix_parts import OF_ROTATION, antisymmetric_terms, symmetric
 
 
 class Model(dict[str, Any]):

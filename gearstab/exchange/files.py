@@ -17,7 +17,7 @@ from gearstab.exchange import Model, linear_model, merged
 from gearstab.mesh import Mesh
 from gearstab.results.output import OTHERS, RESULTS, TABLES, Content, write_bytes
 from gearstab.system import Array, GearSystem
-from gearstab.systems.matrix_files import MOST_COORDINATES, read_market, read_matrices
+from gearstab.systems.matrix_parts import MOST_COORDINATES, read_market, read_matrices
 from gearstab.waveforms import Constant
 from gearstab.waveforms.sampled import NARROWEST
 

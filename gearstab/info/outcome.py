@@ -18,7 +18,7 @@ import numpy as np
 
 from gearstab.errors import RequestError
 from gearstab.results.read import groups_of
-from gearstab.results.variables.flags import Flags
+from gearstab.results.variables import Flags
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -18,8 +18,7 @@ from gearstab.floquet.stability import STATUS_FLAGS
 from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, UncertainSpeed, flat
 from gearstab.methods.boundaries import BoundaryAnalysis
 from gearstab.methods.floquet import Floquet, FloquetOptions
-from gearstab.results.variables import PROBABILITY, SOBOL, Variable, flagged
-from gearstab.results.variables.flags import Flags
+from gearstab.results.variables import PROBABILITY, SOBOL, Flags, Variable, flagged
 from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:

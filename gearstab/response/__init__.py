@@ -7,8 +7,9 @@ from gearstab.response.history import (
     driven_response,
     free_response,
     ramp_response,
+    steady_state,
 )  # fmt: skip
-from gearstab.response.periodic import Harmonics, harmonics, steady_state
+from gearstab.response.spectra import Harmonics, harmonics
 
 __all__ = [
     "RESPONSE_FLAGS", "Harmonics", "RampResponse", "Response", "driven_response", "free_response", "harmonics",

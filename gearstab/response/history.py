@@ -16,13 +16,12 @@ import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.floquet import solve
-from gearstab.modal import static_equilibrium, static_mesh_force
+from gearstab.modal import mean_modes, static_equilibrium, static_mesh_force
 from gearstab.propagation.equation import excitation
 from gearstab.propagation.first_order import bases
 from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PhaseEquation
-from gearstab.response.driven import Driven, driven
-from gearstab.response.steady import STATUS_FLAGS, check_held, unbalanced
+from gearstab.response.steady import STATUS_FLAGS, Driven, balanced, check_held, driven, starts, unbalanced
 from gearstab.system import Array, GearSystem, of_wholes
 
 RESPONSE_FLAGS = STATUS_FLAGS | {"overflow": 128}
@@ -135,6 +134,56 @@ def driven_response(
     found = assembled(system, motion, (q, v), grid)
     pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
     return replace(found, flags=found.flags | RESPONSE_FLAGS["unbalanced"] * pushed)
+
+
+def steady_state(
+    system: GearSystem, mesh_frequency: float, samples_per_cycle: int = 200, tolerance: float = 1e-9, periods: int = 1
+) -> Response:
+    """The periodic response to what drives a system, over ``periods`` common periods, both ends included.
+
+    The initial state is that of :mod:`gearstab.response.steady`; everything after follows from it exactly, so
+    that the difference of the first and the last sample tells the error. Rigid-body modes that nothing holds back are
+    balanced: the part of the load that would accelerate the train is left out (``unbalanced``), and displacements are
+    relative to a uniform motion (``drift``).
+
+    Parameters
+    ----------
+    system: a single system (no batch) with something that drives it.
+    mesh_frequency: Omega, positive.
+    samples_per_cycle: equal steps in a period of the first mesh.
+    tolerance: of the map over a period where functions vary smoothly, relative.
+
+    Raises
+    ------
+    ValueError: batched system, or numbers that are not positive.
+    NotPossible: nothing drives it, or no common period.
+    """
+    if system.batch != ():
+        raise ValueError(f"a steady state needs a single system, not a batch of shape {system.batch}")
+    if not system.forced:
+        raise NotPossible("nothing drives the system: give a load, forces or transmission errors")
+    if not (mesh_frequency > 0 and np.isfinite(mesh_frequency) and samples_per_cycle > 0 and periods > 0):
+        raise ValueError("mesh frequency, samples per cycle and periods must be positive")
+    (_, _, begin) = next(starts(system, np.array([[float(mesh_frequency)]]), tolerance))
+    basis = begin.points.basis
+    motion = driven(balanced(system, basis), mesh_frequency, tolerance)
+    grid = motion.drive.counts[0] * samples_per_cycle
+    samples = periods * grid + 1
+    if begin.status[0] & RESPONSE_FLAGS["failed"]:
+        samples = 0
+    start = motion.state(basis.outlet[0] @ begin.x[0], basis.speed[0] @ begin.x[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        q, v = motion.physical(motion.history(start, samples, grid))
+    step, drift = motion.period / grid, np.zeros(system.size)
+    modes = mean_modes(system)
+    rigid = modes.shapes[:, modes.rigid]
+    if samples and rigid.shape[1]:
+        inverse = rigid.T @ np.asarray(system.mass)
+        drift = rigid @ (inverse @ (q[-1] - q[0])) / (step * (samples - 1))
+        q = q - np.arange(samples)[:, None] * step * drift
+        q, v = q - q[:-1].mean(axis=0) @ inverse.T @ rigid.T, v - drift
+    found = assembled(system, motion, (q, v), grid)
+    return replace(found, flags=found.flags | int(begin.status[0]), drift=drift)
 
 
 def samples_until(duration: float, step: float) -> int:

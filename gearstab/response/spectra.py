@@ -1,4 +1,4 @@
-"""Spectra of histories and steady states, their largest peaks, and amplitudes of a run-up as the speed changes."""
+"""Harmonics of steady states, spectra of histories, their largest peaks, and amplitudes of a run-up over the speed."""
 
 from __future__ import annotations
 
@@ -8,9 +8,14 @@ from math import tau
 import numpy as np
 
 from gearstab.response.history import RampResponse, Response
-from gearstab.response.periodic import Harmonics
+from gearstab.response.panels import WEIGHTS, fastest, pieces
+from gearstab.response.steady import STATUS_FLAGS, starts
 from gearstab.system import Array, GearSystem
 
+AT_ONCE = 2**11
+"""Places at which functions are transformed at once."""
+MOST_PANELS = 2**14
+"""Most panels of a common period."""
 SHORTEST = 8
 """Samples that a spectrum needs."""
 SAME_DIGITS = 8
@@ -47,6 +52,58 @@ def spectrum(history: Array, step: float, window: str = "hann", most_peaks: int 
     found, _ = find_peaks(density)
     order = np.argsort(-density[found], kind="stable")[:most_peaks]
     return Spectrum(tau * hertz, density / tau, found[order])
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """Fourier coefficients of a steady state: its quantities are Re sum_h c_h exp(i nu_h t).
+
+    frequency: ``(H,)``, nu_h = h 2 pi/T from 0 on.
+    mesh_force, mesh_deflection: ``(H, meshes)``, complex c_h; |c_h| is the amplitude of a harmonic, c_0 the mean.
+    """
+
+    frequency: Array
+    mesh_force: Array
+    mesh_deflection: Array
+
+
+def _transformed(tau: Array, values: Array, order: int) -> Array:
+    """sum_x exp(-2 pi i h tau_x) values_x for h = 0...order: ``(2, order + 1, meshes)`` from values ``(2, X, meshes)``.
+
+    With h = w a + b the exponential is a product of two, of which there are far fewer.
+    """
+    count = order + 1
+    width = int(np.ceil(np.sqrt(count)))
+    found = np.zeros((2, values.shape[2], width, width), dtype=complex)
+    for i in range(0, len(tau), AT_ONCE):
+        part = slice(i, i + AT_ONCE)
+        fine = np.exp(-2j * np.pi * tau[part, None] * np.arange(width))
+        coarse = np.exp(-2j * np.pi * tau[part, None] * (width * np.arange(width)))
+        for k, mesh in np.ndindex(*found.shape[:2]):
+            found[k, mesh] += coarse.T @ (fine * values[k, part, mesh, None])
+    return np.swapaxes(found.reshape(*found.shape[:2], -1)[..., :count], 1, 2)
+
+
+def harmonics(system: GearSystem, mesh_frequency: float, order: int, tolerance: float = 1e-9) -> Harmonics:
+    """The Fourier coefficients of the steady state up to the given harmonic of the common period.
+
+    Integrals over the intervals between jumps, by Gauss-Lobatto panels so short that the highest harmonic and the
+    highest natural frequency turn by less than a radian in one: to about ten digits, whatever the jumps of the force.
+    """
+    (_, _, begin) = next(starts(system, np.array([[float(mesh_frequency)]]), tolerance))
+    multiples = np.arange(order + 1)
+    table = np.zeros((2, order + 1, len(system.whole_meshes)), dtype=complex)
+    if begin.status[0] & STATUS_FLAGS["failed"]:
+        table[:] = np.nan
+    else:
+        panels = min(2 * np.pi * max(order, fastest(begin.points)), MOST_PANELS)
+        for piece in pieces(begin.points, begin.x, panels):
+            weight = np.broadcast_to(WEIGHTS[:, None, None] * piece.length, piece.tau.shape).reshape(-1, 1)
+            seen = [weight * values.reshape(len(weight), -1) for values in (piece.force, piece.deflection)]
+            table += _transformed(piece.tau.ravel(), np.stack(seen), order)
+    table[:, 1:] *= 2
+    frequency = multiples * mesh_frequency / begin.points.excitation.cycles
+    return Harmonics(frequency, table[0], table[1])
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,7 @@ import numpy as np
 from gearstab.errors import RequestError, SweepError, one_line
 from gearstab.results.hdf5 import LEVEL, compress
 from gearstab.sweep.compute import taken_over
-from gearstab.sweep.layout import GridBlock
-from gearstab.sweep.plan import Plan
+from gearstab.sweep.plan import GridBlock, Plan
 from gearstab.sweep.pool import ONE_THREAD, Executor, Failure, Result, attempt, interrupts_later, start_trackers
 from gearstab.sweep.progress import Reporter
 from gearstab.sweep.storage.store import Store

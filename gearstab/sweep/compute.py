@@ -9,10 +9,8 @@ import numpy as np
 
 from gearstab.config import alike
 from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
-from gearstab.results.variables import GRID
-from gearstab.results.variables.flags import Flags
-from gearstab.sweep.layout import GridBlock, Layout
-from gearstab.sweep.plan import Plan
+from gearstab.results.variables import GRID, Flags
+from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.storage.parts import FinishedBlock, places_of
 from gearstab.system import Array
 from gearstab.tolerance import correlated

@@ -23,8 +23,7 @@ from gearstab.errors import ResultError, one_line
 from gearstab.methods import RANGE
 from gearstab.results.read import SWEEP, attributes, is_sealed, refuse_hollow
 from gearstab.results.tree import FORMAT
-from gearstab.sweep.layout import Layout
-from gearstab.sweep.plan import Plan
+from gearstab.sweep.plan import Layout, Plan
 from gearstab.sweep.storage.previous import Previous, identity, misshapen
 from gearstab.system import Array
 from gearstab.version import __version__

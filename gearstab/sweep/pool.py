@@ -30,8 +30,7 @@ from gearstab import ckernel
 from gearstab.interrupts import end_with, heed
 from gearstab.methods import Outcome
 from gearstab.sweep.compute import compute
-from gearstab.sweep.layout import GridBlock
-from gearstab.sweep.plan import Plan
+from gearstab.sweep.plan import GridBlock, Plan
 from gearstab.sweep.progress import Reporter
 from gearstab.sweep.storage.parts import FinishedBlock, PartFolder
 from gearstab.sweep.storage.store import Store

@@ -17,10 +17,8 @@ from gearstab.errors import Interrupted, OutputError, SweepError, listed
 from gearstab.results.output import free_bytes, prepare
 from gearstab.results.read import SWEEP, result_of
 from gearstab.results.write import image, rewrite_attributes
-from gearstab.sweep.forecast import Estimate
-from gearstab.sweep.layout import Layout
-from gearstab.sweep.limits import long_runs
-from gearstab.sweep.plan import Plan
+from gearstab.sweep.forecast import Estimate, long_runs
+from gearstab.sweep.plan import Layout, Plan
 from gearstab.sweep.pool import Executor, Failure, run_blocks
 from gearstab.sweep.progress import Reporter, octets
 from gearstab.sweep.storage import merge, previous

@@ -16,8 +16,8 @@ import numpy as np
 
 from gearstab.mesh import Connection, MachineElement, Mesh
 from gearstab.system import Array, GearSystem
-from gearstab.systems.parts.forcing import with_damping, with_forcing
-from gearstab.systems.parts.mesh import build_mesh
+from gearstab.systems.forcing import with_damping, with_forcing
+from gearstab.systems.mesh import build_mesh
 
 Row = Mapping[str, Any]
 """Entries by coordinate; numbers or arrays of batch shape."""

@@ -18,12 +18,12 @@ from gearstab.config.model.reading import told
 from gearstab.config.model.values import Choice
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
-from gearstab.systems.parts.forcing import Damping
-from gearstab.systems.parts.mesh import ToothMesh
+from gearstab.systems.forcing import Damping
+from gearstab.systems.mesh import ToothMesh
 
 if TYPE_CHECKING:
     from gearstab.systems.gearbox.train import Train
-    from gearstab.systems.parts.respond import PairRespond, Respond
+    from gearstab.systems.respond import PairRespond, Respond
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class System(Section):
     @classmethod
     def respond_model(cls) -> type[Respond | PairRespond]:
         """Return the section ``respond`` of this kind."""
-        from gearstab.systems.parts.respond import Respond
+        from gearstab.systems.respond import Respond
 
         return Respond
 

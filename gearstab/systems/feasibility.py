@@ -18,7 +18,7 @@ from gearstab.config.model.axes import Array, Grid, matrix
 from gearstab.config.model.conflicts import items
 from gearstab.config.model.values import SMALLEST_NUMBER
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
-from gearstab.systems.parts.mesh import build_mesh
+from gearstab.systems.mesh import build_mesh
 from gearstab.waveforms import WAVEFORMS, Waveform
 from gearstab.waveforms.base import stiff_fraction
 from gearstab.waveforms.section import wave_of

@@ -22,12 +22,12 @@ from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
 from gearstab.systems.base import START_MESH, Start, System
-from gearstab.systems.parts.forcing import LoadOfOne
-from gearstab.systems.parts.mesh import NamedToothMesh
+from gearstab.systems.forcing import LoadOfOne
+from gearstab.systems.mesh import NamedToothMesh
 from gearstab.waveforms import Rectangular
 
 if TYPE_CHECKING:
-    from gearstab.systems.parts.respond import PairRespond
+    from gearstab.systems.respond import PairRespond
 
 
 OF_GEARS = ("teeth", "inertias", "torsional_stiffness", "single_contact_angle", "torque", "module", "radii")
@@ -149,7 +149,7 @@ class RotatingGearPair(System):
 
     @classmethod
     def respond_model(cls) -> type[PairRespond]:
-        from gearstab.systems.parts.respond import PairRespond
+        from gearstab.systems.respond import PairRespond
 
         return PairRespond
 

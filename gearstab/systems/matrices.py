@@ -29,27 +29,25 @@ from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.feasibility import check_axes
-from gearstab.systems.matrix_files import (
+from gearstab.systems.forcing import Damping, Force, Load, OneAsWell, not_square, with_damping, with_forcing
+from gearstab.systems.matrix_parts import (
     OF_ROTATION,
     OPTIONAL,
     REQUIRED,
     MatrixFiles,
-    check_shapes,
-    default_names,
-    read_market,
-    read_matrices,
-    write_out,
-)
-from gearstab.systems.parts.forcing import Damping, Force, Load, OneAsWell, not_square, with_damping, with_forcing
-from gearstab.systems.parts.mesh import MatrixMesh, build_mesh
-from gearstab.systems.parts.terms import (
     RotationSection,
     Term,
     antisymmetric_terms,
     check_rotation,
+    check_shapes,
+    default_names,
     periodic_terms,
+    read_market,
+    read_matrices,
     rotations,
+    write_out,
 )
+from gearstab.systems.mesh import MatrixMesh, build_mesh
 
 UNITS = ("m", "rad")
 TOLD = {"mass": "kg m^2", "stiffness": "N m"}
@@ -250,8 +248,8 @@ class Matrices(System):
         Parameters: ``mass``, ``stiffness`` (K0, without meshes) as nested numbers or arrays, damping (antisymmetric
         parts of both become terms), ``meshes`` with
         ``direction`` g_i, ``frequency_ratio`` Omega_i/Omega (a Fraction) and ``lag`` (in periods of the mesh), ``load``
-        and ``forces`` (:func:`~gearstab.systems.parts.forcing.with_forcing`) and ``terms``
-        (:func:`~gearstab.systems.parts.terms.periodic_terms`); ``coordinate_units`` (one for all, or one for each
+        and ``forces`` (:func:`~gearstab.systems.forcing.with_forcing`) and ``terms``
+        (:func:`~gearstab.systems.matrix_parts.periodic_terms`); ``coordinate_units`` (one for all, or one for each
         coordinate) and ``deflection_unit``, m or rad.
         """
         mass, meshes = matrix(cast(Any, self.mass)), []

@@ -18,8 +18,8 @@ from gearstab.mesh import MachineElement
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
 from gearstab.systems.base import START_MESH, Start, System
-from gearstab.systems.parts.forcing import Load
-from gearstab.systems.parts.mesh import NamedToothMesh, SecondMesh
+from gearstab.systems.forcing import Load
+from gearstab.systems.mesh import NamedToothMesh, SecondMesh
 
 COORDINATES = ("x1", "x2", "x3")
 """Rotations along the lines of action."""

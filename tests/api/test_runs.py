@@ -24,7 +24,7 @@ import gearstab as gs
 from gearstab.api import runs
 from gearstab.errors import DoubtWarning, PlotError, RequestError
 from gearstab.results import open_result
-from gearstab.sweep import Reporter, limits, plan
+from gearstab.sweep import Reporter, forecast, plan
 from gearstab.sweep.forecast import estimate
 from gearstab.sweep.progress import Bar
 
@@ -104,7 +104,7 @@ def test_data_are_as_good_as_a_file(tmp_path: Path) -> None:
 
 def test_a_large_sweep_is_not_begun_unasked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = gs.load(written(tmp_path, SWEPT), {"sweep.epsilon": [0.1], "methods.boundaries": None})
-    monkeypatch.setattr(limits, "MOST_POINTS", 13)
+    monkeypatch.setattr(forecast, "MOST_POINTS", 13)
     with pytest.raises(RequestError, match=r"^the sweep is large: 14 points; pass confirmed=True to begin it$"):
         gs.sweep(config)
     assert gs.sweep(config, confirmed=True)["floquet"]["stable"].size == 14

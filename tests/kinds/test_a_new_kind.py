@@ -25,8 +25,8 @@ from gearstab.support import ANY_LINEAR, unsupported
 from gearstab.system import Feature, GearSystem
 from gearstab.systems import KINDS, build
 from gearstab.systems.base import Start, System
-from gearstab.systems.parts.forcing import with_damping
-from gearstab.systems.parts.mesh import NamedToothMesh, build_mesh
+from gearstab.systems.forcing import with_damping
+from gearstab.systems.mesh import NamedToothMesh, build_mesh
 from gearstab.waveforms import Rectangular
 
 

@@ -13,7 +13,7 @@ from scenes import DATA, problems, read, scene_text, written
 from gearstab.system import shared_period
 from gearstab.systems import section
 from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undetermined, alike, solve
-from gearstab.systems.planetary.phasing import Turning
+from gearstab.systems.planetary.parts import Turning
 
 RPM = np.pi / 30
 SWEEP = 'sweep: {input_speed: {start: "600 rpm", stop: "1200 rpm", num: 3}}\nmethods: {floquet: {}}\n'

@@ -11,7 +11,7 @@ from scenes import read, scene_text
 from gearstab.floquet import solve
 from gearstab.system import GearSystem
 from gearstab.systems import build, section
-from gearstab.systems.planetary.phasing import Turning
+from gearstab.systems.planetary.parts import Turning
 from gearstab.systems.planetary.planets import misfit, nearest
 from gearstab.systems.planetary.teeth import with_teeth
 

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from systems import lone_pair
 
 import gearstab as gs
-from gearstab.response.periodic import steady_state
+from gearstab.response.history import steady_state
 
 MASS, STIFFNESS, ZETA, TEETH = 1.5, 4e8, 0.03, 7
 DRAG = 2 * ZETA * np.sqrt(STIFFNESS * MASS)

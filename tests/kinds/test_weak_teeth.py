@@ -19,11 +19,11 @@ from systems import lone_pair
 import gearstab as gs
 from gearstab.config import load
 from gearstab.gears.mesh_stiffness import contact_stiffness
-from gearstab.response.periodic import steady_state
+from gearstab.response.history import steady_state
 from gearstab.system import GearSystem
 from gearstab.systems import build
+from gearstab.systems.gearbox.faults import equal_shares, missing, over_the_width
 from gearstab.systems.gearbox.train import Train
-from gearstab.systems.parts.faults import equal_shares, missing, over_the_width
 from gearstab.waveforms import Rectangular
 
 REFERENCE = json.loads((DATA / "rotation" / "weak_teeth.json").read_text())

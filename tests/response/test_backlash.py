@@ -13,7 +13,7 @@ from systems import train as shafted
 
 from gearstab.response import driven_response
 from gearstab.response.backlash import KINDS, BacklashResponse, backlash_response, follow
-from gearstab.response.backlash.contact import play, resting
+from gearstab.response.backlash.dynamics import play, resting
 from gearstab.system import GearSystem
 from gearstab.systems import build
 

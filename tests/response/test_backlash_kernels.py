@@ -15,9 +15,8 @@ from gearstab import ckernel
 from gearstab.errors import NotPossible
 from gearstab.response import driven_response
 from gearstab.response.backlash import BACKLASH_FLAGS, LimitCycle, backlash_response, follow
-from gearstab.response.backlash.contact import play, resting
-from gearstab.response.backlash.dynamics import Dynamics, dynamics, extremes_of, product, sampled
-from gearstab.response.driven import driven
+from gearstab.response.backlash.dynamics import Dynamics, dynamics, extremes_of, play, product, resting, sampled
+from gearstab.response.steady import driven
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Fourier

@@ -23,7 +23,7 @@ import gearstab as gs
 from gearstab.modal import static_equilibrium, static_mesh_force
 from gearstab.propagation.segment import divided_exponential
 from gearstab.response import RESPONSE_FLAGS, driven_response, free_response, harmonics, steady_state
-from gearstab.response import driven as histories
+from gearstab.response import steady as histories
 from gearstab.response.spectra import amplitudes, densities
 from gearstab.waveforms import Fourier
 

@@ -16,11 +16,11 @@ from gearstab.modal import static_equilibrium
 from gearstab.propagation import phase
 from gearstab.propagation.path import Path
 from gearstab.response import RESPONSE_FLAGS, driven_response, harmonics, ramp_response
-from gearstab.response.command.ramp import path_of
+from gearstab.response.command.system import path_of
 from gearstab.response.spectra import waterfall
 from gearstab.system import GearSystem
 from gearstab.systems import build
-from gearstab.systems.parts.respond import Respond
+from gearstab.systems.respond import Respond
 from gearstab.waveforms import Rectangular
 
 Array = np.ndarray

@@ -16,9 +16,9 @@ from sweep_faults import CONFIG, faulty
 from gearstab.cli.sweep import forecast as dry_run
 from gearstab.interrupts import heed
 from gearstab.methods import RANGE
-from gearstab.sweep import Plan, forecast, limits
+from gearstab.sweep import Plan, forecast
 from gearstab.sweep.forecast import within
-from gearstab.sweep.layout import GridBlock
+from gearstab.sweep.plan import GridBlock
 
 
 @dataclass
@@ -171,7 +171,7 @@ def test_a_search_without_end_says_so_before(tmp_path: Path) -> None:
     (tmp_path / "endless.yaml").write_text(ENDLESS)
     plan = planned(tmp_path / "endless.yaml")
     found = forecast.estimate(plan, 1, budget=0.5)
-    (said,) = limits.long_runs(plan, found)
+    (said,) = forecast.long_runs(plan, found)
     assert said.startswith("methods.boundaries may take very long; ")
     assert "not known (a sample took more than 0.5 s)" in dry_run(plan, found, tmp_path / "out.h5")
 
@@ -203,7 +203,7 @@ def test_parts_of_a_range_tell_of_all_of_it(plan: Plan, monkeypatch: pytest.Monk
 def test_an_ordinary_sweep_says_nothing(tmp_path: Path) -> None:
     (tmp_path / "train.yaml").write_text(ENDLESS.replace('"999/1000"', "1").replace("0.00003", "0.35"))
     plan = planned(tmp_path / "train.yaml")
-    assert limits.long_runs(plan, forecast.estimate(plan, 1, budget=60.0)) == []
+    assert forecast.long_runs(plan, forecast.estimate(plan, 1, budget=60.0)) == []
 
 
 def planned(path: Path) -> Plan:

@@ -20,8 +20,7 @@ from gearstab import interrupts
 from gearstab.config import load
 from gearstab.methods import Outcome
 from gearstab.sweep import Interrupted, plan, pool, run
-from gearstab.sweep.layout import GridBlock
-from gearstab.sweep.plan import Plan
+from gearstab.sweep.plan import GridBlock, Plan
 from gearstab.sweep.storage.parts import FinishedBlock
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs signals of POSIX")

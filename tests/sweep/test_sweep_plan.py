@@ -15,8 +15,7 @@ from gearstab.config import load
 from gearstab.errors import UserError
 from gearstab.sweep import plan
 from gearstab.sweep import progress as room
-from gearstab.sweep.layout import Layout
-from gearstab.sweep.plan import FEW, LONGEST, MOST, chunk_shape, shared_points
+from gearstab.sweep.plan import FEW, LONGEST, MOST, Layout, chunk_shape, shared_points
 from gearstab.sweep.progress import Bar
 
 FIG3 = CONFIGS / "lin_parker_2002" / "fig3.yaml"

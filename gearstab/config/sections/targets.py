@@ -32,7 +32,7 @@ from gearstab.config.model.values import Quantity, Ratio
 from gearstab.config.sections.dimensions import quantity_at
 from gearstab.systems import short_names, short_names_of
 from gearstab.systems.base import System
-from gearstab.systems.parts.mesh import NamedToothMesh, ToothMesh, may_have
+from gearstab.systems.mesh import NamedToothMesh, ToothMesh, may_have
 from gearstab.waveforms.section import WaveformSection, name_of, owners, wave_of
 
 INPUT_SPEED = "input_speed"

@@ -23,7 +23,7 @@ from gearstab.plots.drawing.text import plain
 from gearstab.plots.drawing.tongues import parameter_axis
 from gearstab.plots.view import MapView, View
 from gearstab.results.display import SPEEDS
-from gearstab.results.variables.flags import Flags
+from gearstab.results.variables import Flags
 
 Array = np.ndarray
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.response.backlash.continuation import CLOSED, DOUBLING, FOLD, MORE, Curve, StepLimits
-from gearstab.response.backlash.measure import repetition
+from gearstab.response.backlash.history import repetition
 from gearstab.response.backlash.motions import BRANCH_FLAGS, KINDS, MOST_BRANCHES, Branch, BranchMotion, stability
 from gearstab.response.backlash.sections import Lap, Point, SectionMap
 from gearstab.response.backlash.switching import grazing_between, leaving

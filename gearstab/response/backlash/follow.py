@@ -18,7 +18,7 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.response.backlash import dynamics as d
-from gearstab.response.backlash.contact import APART, UPPER
+from gearstab.response.backlash.dynamics import APART, UPPER
 from gearstab.system import Array
 
 FULL, UNKNOWN, CHATTERS, OUTGROWN, ROUGH = range(5)

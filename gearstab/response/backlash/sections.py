@@ -11,12 +11,10 @@ import numpy as np
 
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.propagation.first_order import bases
-from gearstab.response.backlash.contact import play, resting
-from gearstab.response.backlash.dynamics import Dynamics, dynamics
+from gearstab.response.backlash.dynamics import Dynamics, dynamics, play, resting
 from gearstab.response.backlash.follow import Chatter, ContactCourse, Contacts, Track, follow
-from gearstab.response.backlash.measure import LimitCycle, Meter, elastic, factors
-from gearstab.response.driven import Driven, driven
-from gearstab.response.periodic import balanced
+from gearstab.response.backlash.history import LimitCycle, Meter, elastic, factors
+from gearstab.response.steady import Driven, balanced, driven
 from gearstab.system import Array, GearSystem
 
 ROUNDING = float(np.finfo(float).eps)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gearstab.results import ResultTree, write_result
-from gearstab.systems.parts.respond import PairRespond
+from gearstab.systems.respond import PairRespond
 
 if TYPE_CHECKING:
     from gearstab.config import Config

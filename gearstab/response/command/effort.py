@@ -9,11 +9,10 @@ import numpy as np
 from gearstab.modal import mean_modes
 from gearstab.propagation.path import Path
 from gearstab.response.backlash.dynamics import REACH
-from gearstab.response.driven import FEW, MAPS, driven
 from gearstab.response.history import equation_of
 from gearstab.response.panels import NODES
-from gearstab.response.periodic import MOST_PANELS
-from gearstab.response.steady import FEWEST
+from gearstab.response.spectra import MOST_PANELS
+from gearstab.response.steady import FEW, FEWEST, MAPS, driven
 from gearstab.response.steady import REACH as REACH_OF_STEPS
 from gearstab.system import GearSystem
 

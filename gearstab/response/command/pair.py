@@ -21,7 +21,7 @@ from gearstab.rotating_pair import RotatingPair
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.systems.parts.respond import PairRespond
+    from gearstab.systems.respond import PairRespond
 
 MOST_SAMPLES, BYTES = 20_000_000, 64
 """Samples that a result may hold, and the bytes of each."""

@@ -1,8 +1,9 @@
-"""The response of a system of coordinates: free, driven or steady, and that of teeth that part."""
+"""The response of a system of coordinates: free, driven or steady, of teeth that part, and while the speed changes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from math import tau
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -12,24 +13,42 @@ from gearstab.config import ConfigError
 from gearstab.config.document.problems import Code
 from gearstab.errors import NotPossible
 from gearstab.modal import static_equilibrium
-from gearstab.response import RESPONSE_FLAGS, backlash, driven_response, free_response, harmonics, steady_state
-from gearstab.response.command import effort, ramp, tree
-from gearstab.response.spectra import Spectra, amplitudes, densities
-from gearstab.results import Group, ResultTree, Variable, fields_of
-from gearstab.results.display import in_brackets, in_units_of, with_orders
-from gearstab.results.variables import flagged
-from gearstab.results.variables.responses import BACKLASH_RESPONSE, RESPONSE, TOOTH_LOADS
+from gearstab.propagation.path import Path
+from gearstab.response import (
+    RESPONSE_FLAGS,
+    RampResponse,
+    backlash,
+    driven_response,
+    free_response,
+    harmonics,
+    ramp_response,
+    steady_state,
+)
+from gearstab.response.command import effort, tree
+from gearstab.response.spectra import HARMONICS, Spectra, amplitudes, densities, waterfall
+from gearstab.results import Group, ResultTree, Variable, coordinate, fields_of
+from gearstab.results.display import CYCLES, FACTOR, FREQUENCY, in_brackets, in_units_of, typed, unit_of, with_orders
+from gearstab.results.variables import SPEED, flagged
+from gearstab.results.variables.responses import (
+    BACKLASH_RESPONSE,
+    MESH_ORDER,
+    ORDERS,
+    RAMP_RESPONSE,
+    RESPONSE,
+    TOOTH_LOADS,
+)
 from gearstab.system import GearSystem, shared_period
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.response import RampResponse, Response
+    from gearstab.config.model.axes import SpeedAxis
+    from gearstab.response import Response
     from gearstab.response.backlash import BacklashResponse
-    from gearstab.systems.parts.respond import Respond
+    from gearstab.systems.respond import Respond
 
 MOST_NUMBERS = 250_000_000
 """Numbers that a result may hold (2 GB); working on them takes some five times as much memory."""
-HARMONICS = 8
+SAMPLES_OF_HARMONIC = 8
 """A harmonic is stored for every so many samples of a common period."""
 MOST_HARMONICS = 4000
 
@@ -46,7 +65,7 @@ def response(
         if say is not None and (long := _effort(config, section, system)) is not None:
             say(long)
         if section.ramp is not None:
-            return ramp.response(config, section, system)
+            return _ramp_response(config, section, system)
         if backlash.has_backlash(system):
             parting = _parting(section, system)
             return parting, _backlash_result(config, section, system, parting)
@@ -62,7 +81,7 @@ def response(
 def _effort(config: Config, section: Respond, system: GearSystem) -> str | None:
     """Say how long it takes, and why, where that is long."""
     if section.ramp is not None:
-        return effort.run_up(system, ramp.path_of(section), ramp.samples(section, system))
+        return effort.run_up(system, path_of(section), _samples_of_ramp(section, system))
     duration = _duration(section, system)
     if backlash.has_backlash(system):
         return effort.motion_with_backlash(system, duration)
@@ -75,7 +94,7 @@ def _effort(config: Config, section: Respond, system: GearSystem) -> str | None:
 
 def _order(samples: int) -> int:
     """The highest harmonic that is stored of a steady state of so many samples."""
-    return max(1, min(samples // HARMONICS, MOST_HARMONICS))
+    return max(1, min(samples // SAMPLES_OF_HARMONIC, MOST_HARMONICS))
 
 
 def _history(section: Respond, system: GearSystem) -> Response:
@@ -111,7 +130,7 @@ def _affordable(config: Config, section: Respond, system: GearSystem) -> None:
     if section.ramp is None:
         samples = _duration(section, system) / _period(section, system) * section.samples_per_cycle + 1
     else:
-        samples = ramp.samples(section, system)
+        samples = _samples_of_ramp(section, system)
     numbers = samples * (2 * system.size + 2 * len(system.meshes) + len(system.connections) + 2)
     if numbers > MOST_NUMBERS:
         asked = next((key for key in ("duration", "cycles") if getattr(section, key) is not None), "samples_per_cycle")
@@ -227,3 +246,63 @@ def weak_shafts(system: GearSystem) -> dict[str, Any]:
         "weak_counts": [round(ratios[mesh] / ratio) for mesh, _, ratio in parts],
         "weak_ratios": [float(ratio) for _, _, ratio in parts],
     }
+
+
+def path_of(section: Respond) -> Path:
+    """Return the mesh frequency over time."""
+    assert section.ramp is not None
+    first, last = section.mesh_frequency, section.ramp.to
+    return Path(np.array([0.0, abs(last - first) / section.ramp.rate]), np.array([first, last]))
+
+
+def _samples_of_ramp(section: Respond, system: GearSystem) -> float:
+    """Return how many samples the response has, about."""
+    path, ratio = path_of(section), float(system.meshes[0].frequency_ratio)
+    return float(path.time[-1] * path.range[1] * ratio / tau * section.samples_per_cycle) + 1
+
+
+def _ramp_response(config: Config, section: Respond, system: GearSystem) -> tuple[RampResponse, ResultTree]:
+    """Compute the response to a run-up or coast-down, and the result to be written. Raises NotPossible."""
+    found = ramp_response(system, path_of(section), section.samples_per_cycle, tree.initial(section))
+    values: dict[str, Any] = {
+        name: getattr(found, name)
+        for name in ("time", "displacement", "velocity", "mesh_deflection", "mesh_force")
+    } | {
+        "momentary_mesh_frequency": found.mesh_frequency, **tree.common(system, found),
+    }  # fmt: skip
+    attributes: dict[str, Any] = {
+        "comment": "run-up or coast-down, without the rigid-body motion and what accelerates it"
+    }
+    forces = tree.values(system, values)
+    values |= forces
+    sounds = waterfall(system, found)
+    if sounds is not None:
+        ratios = [float(mesh.frequency_ratio) for mesh in system.whole_meshes]
+        attributes |= {"window": sounds.width, "frequency_ratios": ratios}
+        attributes["comment"] += f"; window: length of the windows of the spectrogram{in_brackets(system, 's')}"
+        values |= {
+            section.axis.key: sounds.mesh_frequency / section.axis.factor,
+            "moment": sounds.moment,
+            "frequency": sounds.frequency,
+            "harmonic": np.arange(1, HARMONICS + 1),
+            "mesh_force_spectrogram": sounds.spectrum,
+            "mesh_force_harmonic": sounds.harmonics,
+            **tree.harmonics(system, found, forces),
+        }
+    cycles = config.system.cycles_of_input()
+    if cycles is not None:
+        attributes[CYCLES] = cycles
+    table = (*in_units_of(system, flagged(RAMP_RESPONSE, RESPONSE_FLAGS)), *tree.table(system, ramp=True))
+    table = (ORDERS, *table) if MESH_ORDER in values else table
+    key = section.axis.key
+    table = tuple(replace(v, dims=tuple(key if dim == SPEED else dim for dim in v.dims)) for v in table)
+    table = (_speed(section.axis, system), *table)
+    return found, tree.result(config, system, Group(fields_of(table, values), attributes))
+
+
+def _speed(axis: SpeedAxis, system: GearSystem) -> Variable:
+    """The speed as the configuration gives it, in the middle of each window."""
+    unit = unit_of(system, "rad/s")
+    attributes = typed(axis.typed_units, unit) | ({} if axis.key == FREQUENCY else {FACTOR: axis.factor})
+    own = coordinate(axis.key, axis.key, "f8", unit, axis.key.replace("_", " "))
+    return replace(own, attributes=attributes)

@@ -22,7 +22,7 @@ from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.systems.parts.respond import Respond
+    from gearstab.systems.respond import Respond
 
 
 def result(config: Config, system: GearSystem | RotatingPair, group: Group) -> ResultTree:

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from gearstab.response.rotating_pair.exits import first_exit
-from gearstab.response.rotating_pair.motion import Arc, Law, State, free_basis
+from gearstab.response.rotating_pair.motion import Arc, Law, State, first_exit, free_basis
 from gearstab.system import Array
 
 STATUS = {

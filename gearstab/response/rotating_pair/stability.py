@@ -21,9 +21,8 @@ import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.response.rotating_pair import orbit
-from gearstab.response.rotating_pair.exits import first_exit
 from gearstab.response.rotating_pair.history import InitialState
-from gearstab.response.rotating_pair.motion import Law
+from gearstab.response.rotating_pair.motion import Law, first_exit
 from gearstab.response.rotating_pair.orbit import Cycle, PeriodicProblem
 from gearstab.rotating_pair import CLASSICAL, ENERGY_CONSERVING, RotatingPair
 from gearstab.system import Array

@@ -11,26 +11,59 @@ from dataclasses import dataclass, field, replace
 from math import nan
 from typing import Any
 
-from gearstab.results.variables.flags import Flags
+import numpy as np
+
+from gearstab.system import Array
 
 GRID = "(all axes of the sweep)"
 """In ``dims``: all axes, in the order of the configuration."""
 
-
 ROWS = "(all axes of the sweep but the mesh frequency)"
 """In ``dims``: all axes but the mesh frequency."""
-
 
 SPEED = "(mesh frequency or input speed)"
 """In ``dims``: in what a response is given its speed."""
 
-
 STRETCH, PIECE = "stretch", "piece"
 """In ``dims``: parts of the range of mesh frequencies, as many as the row with most of them has."""
 
-
 TEXT = "text"
 """In ``dtype``: UTF-8 text of any length."""
+
+
+class Flags(dict[str, int]):
+    """Bits by name, of which the integers of a variable are sums (CF conventions); empty for a variable without any."""
+
+    @classmethod
+    def of(cls, attributes: Mapping[Any, Any]) -> Flags:
+        """Return the flags that the attributes of a variable name, in a table or in a result that somebody changed."""
+        names = str(attributes.get("flag_meanings", "")).split()
+        return cls(zip(names, np.ravel(attributes.get("flag_masks", ())).tolist(), strict=False))
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Attributes of a variable that has these flags."""
+        return {"flag_masks": list(self.values()), "flag_meanings": " ".join(self)}
+
+    @property
+    def every(self) -> int:
+        """Sum of all bits."""
+        return int(np.bitwise_or.reduce([*self.values()], dtype=np.int64))
+
+    def counted(self, values: Array) -> dict[str, int]:
+        """Return how many values carry each flag; nothing of flags that none carries.
+
+        Most flags are set nowhere, or everywhere, and few values carry any.
+        """
+        values = np.ravel(values, order="K")
+        anywhere = int(np.bitwise_or.reduce(values))
+        everywhere = int(np.bitwise_and.reduce(values)) if anywhere else 0
+        marked = values[values != 0] if anywhere else values
+        return {
+            name: len(values) if everywhere & bit else int(np.count_nonzero(marked & values.dtype.type(bit)))
+            for name, bit in self.items()
+            if anywhere & bit
+        }
 
 
 @dataclass(frozen=True)
@@ -96,7 +129,6 @@ DOF = (
     coordinate("dof_units", "dof", TEXT, "1", "unit of the coordinate"),
 )
 
-
 MODES = (
     coordinate("mode", "mode", "i4", "1", "number of the mode, by ascending natural frequency"),
     *DOF,
@@ -106,7 +138,6 @@ MODES = (
     Variable("mesh_deflection", ("mode", "mesh"), "f8", "kg^-1/2", "modal mesh deflection"),
     Variable("mode_type", ("mode",), TEXT, "1", "type of the mode"),
 )
-
 
 NATURAL_FREQUENCIES = (
     coordinate("mode", "mode", "i4", "1", "number of the mode, by ascending natural frequency"),
@@ -129,7 +160,6 @@ def _with_terms(table: Sequence[Variable]) -> tuple[Variable, ...]:
 
 MODES_WITH_TERMS = _with_terms(MODES)
 NATURAL_FREQUENCIES_WITH_TERMS = _with_terms(NATURAL_FREQUENCIES)
-
 
 WHIRL = (
     coordinate("mode", "mode", "i4", "1", "number of the mode, by ascending natural frequency at the lowest speed"),
@@ -154,7 +184,6 @@ MODES_OVER_SPEED = (
 )
 """The same in the group ``/modes``, for the base values of the configuration."""
 
-
 DEFLECTION_TYPE = Variable(
     "mesh_deflection_type",
     ("mode",),
@@ -164,9 +193,7 @@ DEFLECTION_TYPE = Variable(
 )
 """Variable of systems with cyclic symmetry."""
 
-
 STABLE_FLAGS = {"flag_values": [-1, 0, 1], "flag_meanings": "failed unstable stable"}
-
 
 FLOQUET = (
     Variable("growth_rate", (GRID,), "f8", "1/s", "largest real part of the characteristic exponents"),
@@ -174,10 +201,8 @@ FLOQUET = (
     Variable("status", (GRID,), "i2", "1", "how the stability was decided"),
 )
 
-
 CERTIFIED = Variable("certified", (GRID,), "i1", "1", "whether the stability is proved in ball arithmetic")
 """With ``certificate``."""
-
 
 EXPONENTS = (
     coordinate("exponent", "exponent", "i4", "1", "number of the characteristic exponent, by descending real part"),
@@ -185,13 +210,11 @@ EXPONENTS = (
     Variable("exponent_imag", (GRID, "exponent"), "f8", "rad/s", "imaginary part of the characteristic exponent"),
 )
 
-
 ERROR_ESTIMATE = Variable(
     "error_estimate", (GRID,), "f8", "1",
     "estimated error of the Floquet multipliers, relative to the largest of them or 1",
 )  # fmt: skip
 """Where propagation over a period is not exact: of waves that are not piecewise constant, and of further terms."""
-
 
 BY_MESH = (
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh; meshes of one frequency vary together"),
@@ -200,12 +223,10 @@ BY_MESH = (
 )  # fmt: skip
 """Variables of one mesh frequency at a time."""
 
-
 INTERVAL = (
     Variable("growth_rate_interval", (GRID,), "f8", "1/s", "half-width of the confidence interval of the growth rate"),
 )
 """Variables of estimated growth rates."""
-
 
 ORBITS = (
     Variable(
@@ -219,13 +240,11 @@ ORBITS = (
 )
 """Variables of periodic orbits of gear pairs."""
 
-
 REQUIRED_DAMPING = (
     Variable("required_damping", (GRID,), "f8", "1", "damping from which on the system is stable"),
     Variable("status", (GRID,), "i2", "1", "how the required damping was found"),
 )
 """Damping ratio of all modes, or factor on the damping."""
-
 
 PROBABILITY = (
     Variable("probability", (GRID,), "f8", "1", "probability of instability"),
@@ -235,7 +254,6 @@ PROBABILITY = (
 )
 """Variables of a system whose parameters are uncertain."""
 
-
 SOBOL = (
     coordinate("parameter", "parameter", TEXT, "1", "uncertain parameter"),
     Variable("sobol_first", (GRID, "parameter"), "f8", "1", "first-order Sobol index of instability"),
@@ -244,7 +262,6 @@ SOBOL = (
     Variable("sobol_total_interval", (GRID, "parameter"), "f8", "1", "half-width of the 95 % interval of sobol_total"),
 )
 """Which parameter is to blame; NaN where the probability is near 0 or 1."""
-
 
 PASSAGE = (
     coordinate("rate", "rate", "f8", "rad/s^2", "change of the mesh frequency, or input speed, in time"),
@@ -261,7 +278,6 @@ PASSAGE = (
 )
 """Variables of run-ups and coast-downs."""
 
-
 TONGUE = (
     coordinate("mode_p", "tongue", "i4", "1", "first mode of the instability"),
     coordinate("mode_q", "tongue", "i4", "1", "second mode of the instability"),
@@ -273,22 +289,17 @@ TONGUE = (
 )
 """Which instability region a point of the dimension ``tongue`` is."""
 
-
 SIDE = coordinate("side", "side", TEXT, "1", "lower or upper boundary")
-
 
 BOUNDARY = Variable("boundary_frequency", ("tongue", "side", ROWS), "f8", "rad/s", "mesh frequency at the boundary")
 
-
 OCCURRENCE = coordinate("occurrence", "tongue", "i4", "1", "number, from 0, of a region among those with the same root")
-
 
 TONGUE_PROBABILITY = (
     Variable("tongue_probability", ("tongue", ROWS), "f8", "1", "probability that the region reaches into the range"),
     Variable("tongue_probability_lower", ("tongue", ROWS), "f8", "1", "lower end of the 95 % interval of it"),
     Variable("tongue_probability_upper", ("tongue", ROWS), "f8", "1", "upper end of the 95 % interval of it"),
 )  # fmt: skip
-
 
 SAMPLED = (
     Variable(
@@ -297,7 +308,6 @@ SAMPLED = (
     ),
     Variable("coarse", (ROWS,), "i4", "1", "number of systems that were sampled there in equal steps only"),
 )  # fmt: skip
-
 
 EXACT = (
     SIDE,
@@ -326,7 +336,6 @@ EXACT = (
     *SAMPLED,
 )  # fmt: skip
 
-
 CERTIFICATES = (
     coordinate("entry", "entry", TEXT, "1", "number of a certificate"),
     Variable("certificate_frequency", (PIECE, "side", ROWS), "f8", "rad/s", "ends of a piece with a certificate"),
@@ -342,7 +351,6 @@ CERTIFICATES = (
 )  # fmt: skip
 """Claims that ``gearstab verify`` proves."""
 
-
 FIRST_ORDER = (
     SIDE,
     BOUNDARY,
@@ -352,7 +360,6 @@ FIRST_ORDER = (
     Variable("half_width", ("tongue", ROWS), "f8", "rad/s", "half of the unstable range of mesh frequency"),
     Variable("threshold", ("tongue", ROWS), "f8", "1", "factor on every epsilon at which the region opens"),
 )
-
 
 SECOND_ORDER = (
     *FIRST_ORDER,
@@ -366,7 +373,6 @@ SECOND_ORDER = (
     ),
     Variable("status", ("tongue", ROWS), "i2", "1", "whether the boundaries can be trusted"),
 )  # fmt: skip
-
 
 BENCH = (
     coordinate("method", "setting", TEXT, "1", "method"),

@@ -34,7 +34,6 @@ RESPONSE = (
     Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
 )  # fmt: skip
 
-
 RAMP_RESPONSE = (
     coordinate("time", "time", "f8", "s", "time"),
     coordinate("momentary_mesh_frequency", "time", "f8", "rad/s", "mesh frequency at the time"),
@@ -56,7 +55,6 @@ RAMP_RESPONSE = (
     Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
 )  # fmt: skip
 
-
 TOOTH_LOADS = (
     coordinate("contact", "contact", "f8", "1", "contact of a pair of teeth, from its first point to its last one"),
     Variable("tooth_load", ("contact", "mesh"), "f8", "N", "largest load of a pair of teeth"),
@@ -72,7 +70,6 @@ TOOTH_LOADS = (
     Variable("peak_root_stress", ("flank",), "f8", "Pa", "largest stress at the root of a tooth along its contact"),
 )  # fmt: skip
 """Variables of responses of systems whose teeth are known."""
-
 
 BACKLASH_RESPONSE = (
     *RESPONSE,
@@ -94,7 +91,6 @@ BACKLASH_RESPONSE = (
     Variable("contact_loss_ratio", ("mesh",), "f8", "1", "part of the time without contact, settled"),
 )  # fmt: skip
 """Variables of a system whose teeth may part."""
-
 
 SPEED_RESPONSE = (
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
@@ -123,7 +119,6 @@ SPEED_RESPONSE = (
     Variable("status", (GRID,), "i2", "1", "what is to be said of the steady state; 0: nothing"),
 )  # fmt: skip
 """Variables of the steady state at every point."""
-
 
 MESH_ORDER = "mesh_order"
 """Dimension: multiples of the mesh frequency."""
@@ -163,12 +158,10 @@ def load_of(part: str) -> tuple[str, str]:
 
 ORDERS = coordinate(MESH_ORDER, MESH_ORDER, "f8", "1", "multiple of the mesh frequency")
 
-
 ALL_MOTIONS = (
     "mesh_force_peak", "transmission_error_peak_to_peak", "transmission_error_rms", "dynamic_load_factor",
 )  # fmt: skip
 """Variables that motions with backlash have, too."""
-
 
 MULTIPLIERS = (
     coordinate("multiplier", "multiplier", "i4", "1", "number of the Floquet multiplier, by descending magnitude"),
@@ -186,7 +179,6 @@ MULTIPLIERS = (
 )  # fmt: skip
 """Variables of periodic motions with backlash."""
 
-
 BACKLASH_SPEED_RESPONSE = (
     *(v for v in SPEED_RESPONSE if v.name == "mesh" or v.name in ALL_MOTIONS),
     Variable("contact_loss_ratio", (GRID, "mesh"), "f8", "1", "part of the time without contact"),
@@ -195,7 +187,6 @@ BACKLASH_SPEED_RESPONSE = (
     Variable("status", (GRID,), "i2", "1", "what is to be said of the motion; 0: nothing"),
 )
 """Limit cycles of motions with backlash."""
-
 
 POINT = ("branch", ROWS, "point")
 
@@ -251,7 +242,6 @@ BRANCHES = (
 )  # fmt: skip
 """Periodic motions with backlash, followed through folds."""
 
-
 PAIR_RESPONSE = (
     coordinate("time", "time", "f8", "s", "time"),
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
@@ -300,7 +290,6 @@ PAIR_RESPONSE = (
     Variable("status", (), "i2", "1", "how the run went; 0: complete"),
 )  # fmt: skip
 """Variables of a gear pair whose mesh stiffness depends on its rotation."""
-
 
 TEETH = (
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),

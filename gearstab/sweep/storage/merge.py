@@ -21,8 +21,7 @@ from gearstab.results.tree import Chunked, Encoded, Field, Group, Offset, Result
 from gearstab.results.variables import OCCURRENCE, TEXT, TONGUE, Variable, coordinate
 from gearstab.results.write import write_result
 from gearstab.sweep.compute import moved
-from gearstab.sweep.layout import Layout, VariableLayout
-from gearstab.sweep.plan import tooth_group
+from gearstab.sweep.plan import Layout, VariableLayout, tooth_group
 from gearstab.sweep.storage.parts import FinishedBlock
 from gearstab.sweep.storage.previous import origin
 from gearstab.sweep.storage.store import Store

@@ -12,8 +12,7 @@ from time import monotonic
 import numpy as np
 
 from gearstab.results.hdf5 import holds
-from gearstab.sweep.layout import GridBlock, Layout, VariableLayout
-from gearstab.sweep.plan import Plan
+from gearstab.sweep.plan import GridBlock, Layout, Plan, VariableLayout
 from gearstab.sweep.storage.parts import LOCK, FinishedBlock, PartFolder
 from gearstab.system import Array
 

@@ -29,7 +29,7 @@ from gearstab.config.model.values import Choice, Quantity
 from gearstab.gears.geometry import transverse_angle
 from gearstab.system import Array
 from gearstab.systems.kinematics import TrainError
-from gearstab.systems.parts.mesh import Named
+from gearstab.systems.mesh import Named
 
 HANDS = ("right", "left")
 """Hands of helices."""

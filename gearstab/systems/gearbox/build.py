@@ -21,13 +21,13 @@ from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import loads
 from gearstab.systems.gearbox.bodies import Support, base_radius, number
+from gearstab.systems.gearbox.faults import weak_tooth
 from gearstab.systems.gearbox.loads import dampers, torques
-from gearstab.systems.gearbox.mesh import from_teeth
+from gearstab.systems.gearbox.meshes import from_teeth
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet, TrainSetRows
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.kinematics import TrainError, Where
-from gearstab.systems.parts.faults import weak_tooth
 from gearstab.waveforms import Fourier, Rectangular, Tooth
 
 

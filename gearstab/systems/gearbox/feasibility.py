@@ -18,8 +18,7 @@ from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid
 from gearstab.config.model.conflicts import Conflict, items
 from gearstab.config.model.reading import known
 from gearstab.systems.gearbox.bodies import Rotor, moves, slides
-from gearstab.systems.gearbox.mesh import GearboxMesh, needs_width
-from gearstab.systems.gearbox.set_sections import PlanetarySet
+from gearstab.systems.gearbox.meshes import GearboxMesh, PlanetarySet, needs_width
 from gearstab.systems.gearbox.teeth import OF_GEAR
 from gearstab.systems.gearbox.train import Train
 from gearstab.systems.kinematics import TrainError

@@ -21,7 +21,7 @@ from gearstab.mesh import Rotation
 from gearstab.system import Array, Cyclic
 from gearstab.systems.assembly import Coordinates, Element, Row, total
 from gearstab.systems.gearbox.bodies import base_radius, number, other
-from gearstab.systems.gearbox.set_sections import MEMBERS, Planets, SetFault, SetPhases
+from gearstab.systems.gearbox.meshes import MEMBERS, Planets, SetFault, SetPhases
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import MeshMotion, TrainError, Where
 from gearstab.systems.planetary.planets import ASSEMBLE, FIT, SetRows, angles_of, assembly, turn_matrix

@@ -18,14 +18,21 @@ from gearstab.system import Array, GearSystem
 from gearstab.systems.base import Start, System
 from gearstab.systems.gearbox.bodies import Material, Rotor, Shaft, Teeth, moves, slides, turns
 from gearstab.systems.gearbox.build import build
+from gearstab.systems.gearbox.faults import fault_conflicts
 from gearstab.systems.gearbox.feasibility import check_train, missing_of_teeth
-from gearstab.systems.gearbox.mesh import LUBRICATED, Friction, GearboxMesh
-from gearstab.systems.gearbox.set_sections import PlanetarySet, by_name, complete_angles, set_fault_conflicts
-from gearstab.systems.gearbox.set_sections import conflicts as set_conflicts
-from gearstab.systems.gearbox.torques import Input, Output, TorqueLaw, torque_of
+from gearstab.systems.gearbox.loads import Input, Output, TorqueLaw, torque_of
+from gearstab.systems.gearbox.meshes import (
+    LUBRICATED,
+    Friction,
+    GearboxMesh,
+    PlanetarySet,
+    by_name,
+    complete_angles,
+    set_conflicts,
+    set_fault_conflicts,
+)
 from gearstab.systems.gearbox.train import Train
-from gearstab.systems.parts.faults import fault_conflicts
-from gearstab.systems.parts.mesh import ToothMesh
+from gearstab.systems.mesh import ToothMesh
 
 CHANGING = ("passage",)
 """Methods that let the speed of a system change."""

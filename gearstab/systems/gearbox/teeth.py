@@ -26,7 +26,7 @@ from gearstab.gears.pair import Pair
 from gearstab.gears.relief import FlankRelief, LoadedMesh, Relief
 from gearstab.system import Array
 from gearstab.systems.gearbox.bodies import number
-from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, POWERS, VARIATION, WAVE, from_teeth, per_width
+from gearstab.systems.gearbox.meshes import CONTACT_RATIO, MEAN, POWERS, VARIATION, WAVE, from_teeth, per_width
 from gearstab.waveforms import WAVEFORMS, Fourier, Helical, Tooth
 from gearstab.waveforms.tooth import Piecewise, stacked
 

@@ -12,7 +12,7 @@ from gearstab.config.model.axes import vector
 from gearstab.config.model.reading import held
 from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row
-from gearstab.systems.planetary.phasing import lags, speed_of
+from gearstab.systems.planetary.parts import lags, speed_of
 from gearstab.systems.planetary.planets import SetRows, angles_of, turn_matrix
 
 CENTRAL = ("ring", "carrier", "sun")

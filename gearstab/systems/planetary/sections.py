@@ -22,8 +22,11 @@ from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.gearbox.bodies import Teeth
 from gearstab.systems.gearbox.feasibility import MOST_TEETH, built, check_points
-from gearstab.systems.planetary.bodies import (
+from gearstab.systems.planetary.build import build, size
+from gearstab.systems.planetary.parts import (
+    SENSES,
     BodyLoad,
+    CarrierSpeed,
     Inertias,
     Masses,
     Meshes,
@@ -33,9 +36,9 @@ from gearstab.systems.planetary.bodies import (
     Ring,
     Supports,
     ToothNumbers,
+    Turning,
+    lags,
 )
-from gearstab.systems.planetary.build import build, size
-from gearstab.systems.planetary.phasing import SENSES, CarrierSpeed, Turning, lags
 from gearstab.systems.planetary.planets import (
     ASSEMBLE,
     MOST_PLANETS,

@@ -22,8 +22,7 @@ from gearstab.systems.gearbox import bodies
 from gearstab.systems.gearbox.bodies import STEEL
 from gearstab.systems.gearbox.teeth import MeshTeeth, entries_of
 from gearstab.systems.kinematics import TrainError
-from gearstab.systems.planetary.bodies import Inertias, Masses, Phases, PressureAngles
-from gearstab.systems.planetary.phasing import RULES, SENSES, Turning, lags
+from gearstab.systems.planetary.parts import RULES, SENSES, Inertias, Masses, Phases, PressureAngles, Turning, lags
 
 BODIES = ("sun", "planet", "ring")
 HANDS = {"sun": "right", "planet": "left", "ring": "left"}

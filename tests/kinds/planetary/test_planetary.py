@@ -18,8 +18,7 @@ from gearstab.perturbation import first_order
 from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step, type_names
 from gearstab.system import GearSystem
 from gearstab.systems import build
-from gearstab.systems.planetary.bodies import ToothNumbers
-from gearstab.systems.planetary.phasing import phases_of
+from gearstab.systems.planetary.parts import ToothNumbers, phases_of
 
 REFERENCE = json.loads((DATA / "planetary.json").read_text())
 """Computed elsewhere with another basis (exponentials, projected operators); half-widths by singular values, crossings

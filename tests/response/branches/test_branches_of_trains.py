@@ -10,8 +10,8 @@ from scenes import scene_data
 
 import gearstab
 from gearstab.response.backlash.branches import BranchSearch, Starts
-from gearstab.response.backlash.contact import play
 from gearstab.response.backlash.continuation import DOUBLING, FOLD, StepLimits
+from gearstab.response.backlash.dynamics import play
 from gearstab.response.backlash.motions import Branch, BranchMotion
 from gearstab.response.backlash.sections import SectionMap
 from gearstab.system import GearSystem

@@ -12,8 +12,8 @@ from driven import ERROR, FORCE, SMOOTH, integrated_with_backlash, train, with_w
 from scipy.integrate import solve_ivp
 
 from gearstab.response.backlash.branches import BranchSearch, Starts
-from gearstab.response.backlash.contact import APART, play
 from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, FOLD, StepLimits
+from gearstab.response.backlash.dynamics import APART, play
 from gearstab.response.backlash.motions import LOSSES, of_settled, speed_cycles, stability
 from gearstab.response.backlash.sections import Lap, SectionMap
 from gearstab.response.backlash.switching import directions

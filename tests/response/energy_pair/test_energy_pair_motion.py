@@ -13,9 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearstab.response.rotating_pair import STATUS, InitialState, respond
-from gearstab.response.rotating_pair.exits import first_exit
 from gearstab.response.rotating_pair.integrate import LOST, Crossing, Goal, Run, TimedArc, growth, integrate
-from gearstab.response.rotating_pair.motion import Arc, Law, State, free_basis, law_of
+from gearstab.response.rotating_pair.motion import Arc, Law, State, first_exit, free_basis, law_of
 from gearstab.rotating_pair import FORMULATIONS
 
 

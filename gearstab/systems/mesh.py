@@ -28,7 +28,7 @@ from gearstab.config.model.reading import known
 from gearstab.config.model.values import Choice, Quantity
 from gearstab.mesh import Mesh
 from gearstab.system import Array
-from gearstab.systems.parts.forcing import TransmissionError
+from gearstab.systems.forcing import TransmissionError
 from gearstab.waveforms.section import (
     WaveformSection,
     build_waveform,

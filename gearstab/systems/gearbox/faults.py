@@ -21,7 +21,7 @@ from gearstab.config.model.fields import NameText, Section, Whole
 from gearstab.config.model.reading import WRONG
 from gearstab.config.model.values import Choice, Quantity
 from gearstab.mesh import Mesh
-from gearstab.systems.parts.forcing import GearError
+from gearstab.systems.forcing import GearError
 from gearstab.waveforms import Tooth
 from gearstab.waveforms.base import Array, Waveform, stiff_fraction, wrapped
 from gearstab.waveforms.tooth import ROUNDING, Piecewise, angles_of, averaged, interpolated, stacked

@@ -1,1 +1,0 @@
-"""Parts of systems: each file holds the sections of the configuration and what they build."""
