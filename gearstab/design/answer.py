@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.config.model.units import scale
-from gearstab.config.sections.objectives import objective_name, objective_unit
+from gearstab.config.sections.design import objective_name, objective_unit
 from gearstab.design.solution import Solution
 from gearstab.results.display import in_brackets, unit_of
 

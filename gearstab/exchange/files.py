@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.api.configurations import Source, as_config, as_system
-from gearstab.config.document.files import DataFileError, arrays, numbers
+from gearstab.config.model.files import DataFileError, arrays, numbers
 from gearstab.errors import NotPossible, OutputError
 from gearstab.exchange.model import Model, merged, model
 from gearstab.mesh import Mesh

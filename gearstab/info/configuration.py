@@ -61,7 +61,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
 
 def _design(design: Design) -> dict[str, Any]:
     """Goal of a search by ``gearstab design``."""
-    from gearstab.config.sections.objectives import objective_name
+    from gearstab.config.sections.design import objective_name
 
     return {
         "ranges": [{item.of: [item.low, item.high], "weight": item.weight} for item in design.ranges],

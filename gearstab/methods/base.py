@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 from pydantic import Field
 
-from gearstab.config.model.fields import Section
-from gearstab.config.model.values import Quantity
+from gearstab.config.model.fields import Quantity, Section
 from gearstab.results.variables import SIDE, Variable
 from gearstab.support import unsupported
 from gearstab.system import Array, Feature, GearSystem
@@ -19,8 +18,8 @@ from gearstab.system import Array, Feature, GearSystem
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
-    from gearstab.config.document.tree import Document
-    from gearstab.config.model.axes import Axis
+    from gearstab.config.document import Document
+    from gearstab.config.model import Axis
     from gearstab.perturbation import Tongue
     from gearstab.systems.base import System
     from gearstab.tolerance.design import SamplingDesign

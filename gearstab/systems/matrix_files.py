@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from pydantic import Field, StrictStr
 
-from gearstab.config.document.files import DataFileError, arrays, numbers, present, usable
-from gearstab.config.document.problems import Path, nearest
-from gearstab.config.document.tree import Document, sequence, value_at
-from gearstab.config.model.axes import Array
+from gearstab.config.document import Document, Path, nearest, sequence, value_at
+from gearstab.config.model import Array
 from gearstab.config.model.fields import Section, optional
+from gearstab.config.model.files import DataFileError, arrays, numbers, present, usable
 from gearstab.errors import one_line
 
 REQUIRED = ("mass", "stiffness")

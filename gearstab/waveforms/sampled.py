@@ -9,9 +9,9 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
-from gearstab.config.model.axes import vector
+from gearstab.config.model import vector
 from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.config.model.values import Quantity
+from gearstab.config.model.fields import Quantity
 from gearstab.errors import NotPossible
 from gearstab.waveforms.base import Array, Keys, OfStiffness, Waveform, WrongSample, as_array, wrapped
 from gearstab.waveforms.samples import (

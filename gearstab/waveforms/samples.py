@@ -9,9 +9,8 @@ import numpy as np
 from pydantic import BeforeValidator, StrictStr
 
 from gearstab.config.model.conflicts import Conflict
-from gearstab.config.model.fields import optional
+from gearstab.config.model.fields import Choice, optional
 from gearstab.config.model.reading import WRONG
-from gearstab.config.model.values import Choice
 from gearstab.waveforms.base import POSITION, SAMPLED, Array, Keys, Waveform, WrongSample
 
 MOST_SAMPLES = 10_000

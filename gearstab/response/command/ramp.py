@@ -20,7 +20,7 @@ from gearstab.system import GearSystem
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.model.axes import SpeedAxis
+    from gearstab.config.model import SpeedAxis
     from gearstab.systems.parts.respond import Respond
 
 

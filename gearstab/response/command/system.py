@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from gearstab.config import ConfigError
-from gearstab.config.document.problems import Code
+from gearstab.config.document import Code
 from gearstab.errors import NotPossible
 from gearstab.modal import static_equilibrium
 from gearstab.response import RESPONSE_FLAGS, backlash, driven_response, free_response, harmonics, steady_state

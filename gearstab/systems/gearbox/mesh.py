@@ -8,9 +8,17 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict, below, items, within
-from gearstab.config.model.fields import Length, NameText, NonNegative, NonNegativeLength, Section, optional
+from gearstab.config.model.fields import (
+    Choice,
+    Length,
+    NameText,
+    NonNegative,
+    NonNegativeLength,
+    Quantity,
+    Section,
+    optional,
+)
 from gearstab.config.model.reading import WRONG, known
-from gearstab.config.model.values import Choice, Quantity
 from gearstab.systems.parts.faults import Fault, absent_gear, excluded
 from gearstab.systems.parts.forcing import GearError
 from gearstab.systems.parts.mesh import MEANS, Lag, NamedToothMesh, StiffnessOfTeeth

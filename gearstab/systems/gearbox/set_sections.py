@@ -8,16 +8,18 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.document.problems import nearest
-from gearstab.config.document.tree import Document, mapping, sequence
+from gearstab.config.document import Document, mapping, nearest, sequence
 from gearstab.config.model.conflicts import Conflict, below, items, within_each, wrong_length
 from gearstab.config.model.fields import (
+    Choice,
+    Count,
     Inertia,
     Length,
     Mass,
     NameText,
     NonNegativeLength,
     Number,
+    Quantity,
     Section,
     ToothCount,
     Turns,
@@ -26,7 +28,6 @@ from gearstab.config.model.fields import (
     optional,
 )
 from gearstab.config.model.reading import WRONG, known, told
-from gearstab.config.model.values import Choice, Count, Quantity
 from gearstab.systems.gearbox.bodies import Rotor, Support, Teeth
 from gearstab.systems.gearbox.mesh import TrainMeshKeys, relief_conflicts
 from gearstab.systems.parts.faults import Fault, fault_conflicts

@@ -9,12 +9,21 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import Document, value_at
-from gearstab.config.model.axes import matrix, vector
+from gearstab.config.document import Document, Path, value_at
+from gearstab.config.model import matrix, vector
 from gearstab.config.model.conflicts import Conflict, exactly_one, items, no_direction, within
-from gearstab.config.model.fields import AnyRatio, ContactRatio, Flag, NameText, Section, Turns, Vector, optional
-from gearstab.config.model.values import Quantity, Ratio
+from gearstab.config.model.fields import (
+    AnyRatio,
+    ContactRatio,
+    Flag,
+    NameText,
+    Quantity,
+    Ratio,
+    Section,
+    Turns,
+    Vector,
+    optional,
+)
 from gearstab.mesh import PeriodicTerm
 from gearstab.rotation import Rotation
 from gearstab.system import Array

@@ -6,8 +6,19 @@ from typing import Annotated, Any, ClassVar, cast
 
 from pydantic import Field
 
-from gearstab.config.model.fields import Length, Mass, Number, Section, Stiffness, ToothCount, Turns, Whole, optional
-from gearstab.config.model.values import Choice, Quantity
+from gearstab.config.model.fields import (
+    Choice,
+    Length,
+    Mass,
+    Number,
+    Quantity,
+    Section,
+    Stiffness,
+    ToothCount,
+    Turns,
+    Whole,
+    optional,
+)
 from gearstab.systems.parts.mesh import StiffnessOfTeeth, ToothMesh
 from gearstab.systems.planetary.phasing import DRIVES, RULES
 

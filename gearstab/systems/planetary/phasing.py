@@ -11,11 +11,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.document.tree import Document
+from gearstab.config.document import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.config.model.fields import Flag, Section, optional
+from gearstab.config.model.fields import Flag, Quantity, Ratio, Section, optional
 from gearstab.config.model.reading import known, told
-from gearstab.config.model.values import Quantity, Ratio
 from gearstab.system import Array
 from gearstab.systems.kinematics import MeshMotion, Relation, solve
 from gearstab.systems.planetary.planets import angles_of

@@ -18,7 +18,7 @@ from ruamel.yaml import YAML
 from scenes import CONFIGS, CONFIGURATIONS, examples, succeeds
 
 from gearstab.config import Config, ConfigError, load
-from gearstab.config.document.problems import CODES
+from gearstab.config.document import CODES
 from gearstab.config.document.yaml import write
 from gearstab.config.readers import check_options
 from gearstab.sweep.plan import plan
