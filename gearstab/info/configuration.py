@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gearstab.info import danger, speeds, train
-from gearstab.info.records import MeanSystem
+from gearstab.info import MeanSystem, danger, speeds, train
 
 if TYPE_CHECKING:
     from gearstab.config import Config

@@ -5,8 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from gearstab.info.records import DangerousRegion, DangerousSpeeds, JudgedRegions, Remedies, ShownSpeeds
-from gearstab.info.tables import label_text, meshes_text, table
+from gearstab.info import (
+    DangerousRegion,
+    DangerousSpeeds,
+    JudgedRegions,
+    Remedies,
+    ShownSpeeds,
+    label_text,
+    meshes_text,
+    table,
+)
 from gearstab.perturbation.tongues import SELF_EXCITED
 from gearstab.support import ANY_LINEAR, WHIRLING, unsupported
 

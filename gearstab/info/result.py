@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gearstab.info import columns
 from gearstab.info.outcome import outcome
-from gearstab.info.tables import columns
 from gearstab.results.read import branches_of
 
 if TYPE_CHECKING:

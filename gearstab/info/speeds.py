@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gearstab.info.records import time_unit
-from gearstab.info.tables import meshes_text, over, table
+from gearstab.info import meshes_text, over, table, time_unit
 
 if TYPE_CHECKING:
     from gearstab.config import Config

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from gearstab.info.tables import table
+from gearstab.info import table
 
 if TYPE_CHECKING:
     from gearstab.config import Config

@@ -10,8 +10,7 @@ from gearstab.cli.report import facts, sections
 from gearstab.cli.report.facts import State
 from gearstab.cli.report.page import Block, BulletList, Heading, Page, Table, Text
 from gearstab.errors import NotPossible
-from gearstab.info.records import MeanSystem, ShownSpeeds, time_unit, unit_asked
-from gearstab.info.tables import label_text
+from gearstab.info import MeanSystem, ShownSpeeds, label_text, time_unit, unit_asked
 from gearstab.results.display import in_brackets
 
 if TYPE_CHECKING:

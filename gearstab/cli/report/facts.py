@@ -1,4 +1,4 @@
-"""Facts of a design in a report: regions, damping required and at hand, probability."""
+"""Facts of a design in a report: regions, damping required and at hand, probability, contact of the teeth."""
 
 from __future__ import annotations
 
@@ -19,12 +19,11 @@ from gearstab.floquet.boundaries.damped.proof import MODULI
 from gearstab.floquet.boundaries.damped.search import COARSEST, PURSUIT
 from gearstab.floquet.boundaries.solve import BUDGET
 from gearstab.floquet.dispatch import in_modes, reduction
-from gearstab.floquet.frequencies.choice import AFFORDABLE, Strategy, common_period
+from gearstab.floquet.frequencies.choice import AFFORDABLE, COMMON_PERIOD, Strategy, common_period
 from gearstab.floquet.general.whirl import whirl_motions
+from gearstab.info import DangerousRegion, ShownSpeeds, label_text
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
-from gearstab.info.records import DangerousRegion, ShownSpeeds
-from gearstab.info.tables import label_text
 from gearstab.methods.floquet import Floquet
 from gearstab.modal import modal_damping_ratios
 from gearstab.perturbation import Tongue
@@ -35,6 +34,10 @@ from gearstab.system import Array, GearSystem
 
 SPEEDS, BEYOND = 801, 101
 """Speeds of a range, and beyond either end of all ranges, at which growth rates are computed."""
+STEADY_SPEEDS = 201
+"""Speeds of a range at which steady states are computed."""
+WORST = 3
+"""Speeds at which teeth part that are named."""
 MOST_WORK = 2.4e11
 """Multiplications of the search for all regions, by :func:`search_work`, from which on those near the tongues of first
 order must do: about a minute."""
@@ -292,3 +295,64 @@ def probability(config: Config, state: State) -> tuple[float, float, float, floa
     k = int(np.argmax(found["probability"].values))
     values = [float(found[name].values[k]) for name in ("probability", "probability_lower", "probability_upper")]
     return values[0], values[1], values[2], float(found["mesh_frequency"].values[k])
+
+
+@dataclass(frozen=True)
+class ToothContact:
+    """Loss of contact in the linear steady state.
+
+    worst: up to WORST speeds at which teeth would part, the worst first. count, looked: at how many of how many speeds
+    they do. load_factor: the largest. bound: whether all this comes from one frequency at a time, whose largest
+    deviations add up.
+    """
+
+    worst: list[float]
+    count: int
+    looked: int
+    load_factor: float
+    bound: bool
+
+
+def separation(state: State) -> ToothContact | None:
+    """Judge whether teeth would part. None where nothing drives the system."""
+    system = state.system
+    if not system.forced:
+        return None
+    several = len(set(system.all_ratios)) > 1
+    strategy = state.strategy
+    long = strategy.period is None or strategy.period.segments > AFFORDABLE
+    bound = several and (long or strategy.name != COMMON_PERIOD)
+    parting: list[tuple[float, float]] = []
+    count, looked, factor = 0, 0, 0.0
+    for span in state.spans:
+        omega = np.linspace(span.low, span.high, STEADY_SPEEDS)
+        factors, parts = (_bounded if bound else _exactly)(system, omega)
+        count, looked, factor = count + int(parts.sum()), looked + len(omega), max(factor, float(factors.max()))
+        parting += [(float(factors[k]), float(omega[k])) for k in _peaks(factors) if parts[k]]
+    worst = [speed for _, speed in sorted(parting, reverse=True)[:WORST]]
+    return ToothContact(worst, count, looked, factor, bound)
+
+
+def _exactly(system: GearSystem, omega: Array) -> tuple[Array, Array]:
+    """The largest load factor at every speed, and whether a loaded mesh's force changes its sign."""
+    from gearstab.response.speeds import speed_response
+    from gearstab.response.steady import STATUS_FLAGS
+
+    found = speed_response(system, omega)
+    factors = np.nan_to_num(np.nanmax(found.dynamic_load_factor[0].reshape(len(omega), -1), axis=1))
+    return factors, (found.status[0] & STATUS_FLAGS["separation"]) != 0
+
+
+def _bounded(system: GearSystem, omega: Array) -> tuple[Array, Array]:
+    """The same by the bounds of one frequency at a time."""
+    from gearstab.response.speeds import force_bounds
+
+    found = force_bounds(system, omega)
+    loaded = found.static[0] > 0
+    return np.nanmax(np.nan_to_num(found.load_factor[0]), axis=1), np.any(loaded & (found.least[0] < 0), axis=1)
+
+
+def _peaks(values: Array) -> list[int]:
+    """Places of local maxima, ends included."""
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    return np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])).tolist()

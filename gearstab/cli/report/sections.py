@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from math import pi
 from typing import TYPE_CHECKING, Any
 
-from gearstab.cli.report import contact, facts
+from gearstab.cli.report import facts
 from gearstab.cli.report.facts import State
 from gearstab.cli.report.page import Block, BulletList, Heading, Picture, Table, Text
 from gearstab.errors import NotPossible, UserError
-from gearstab.info.records import ShownSpeeds
+from gearstab.info import ShownSpeeds
 from gearstab.results.display import in_brackets
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def teeth(states: Sequence[State], shown: ShownSpeeds) -> Iterator[Block]:
     yield Heading("Contact of the teeth")
     for state in states:
         try:
-            found = contact.separation(state)
+            found = facts.separation(state)
         except NotPossible as error:
             yield Text(f"Loss of contact is not judged: {error}.")
             return
