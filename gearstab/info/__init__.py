@@ -7,6 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
+from gearstab.config.model.units import UnitError, scale
+from gearstab.errors import ResultError
+from gearstab.results.display import ORDER, SI
+
 if TYPE_CHECKING:
     from gearstab.perturbation.tongues import Tongue
     from gearstab.system import GearSystem
@@ -24,10 +28,6 @@ def plain(value: Any) -> Any:
 
 def unit_asked(text: str, dimensionless: bool) -> tuple[str, float]:
     """Return the unit that ``--unit`` means and its size in rad/s. Raises ResultError for one of something else."""
-    from gearstab.config.model.units import UnitError, scale
-    from gearstab.errors import ResultError
-    from gearstab.results.display import SI
-
     if dimensionless:
         raise ResultError(f"--unit {text}: this model has no units")
     unit = "rad/s" if text == SI else text
@@ -211,9 +211,6 @@ def shown_in(facts: dict[str, Any], text: str) -> dict[str, Any]:
 
     text: rpm, Hz, rad/s or another unit of a speed; SI. Raises ResultError for any other, and for orders.
     """
-    from gearstab.errors import ResultError
-    from gearstab.results.display import ORDER
-
     if text == ORDER:
         where = (
             "the table of meshes shows theirs" if facts["meshes"][0]["order"] is not None else "and no teeth are given"

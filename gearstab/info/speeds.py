@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from gearstab.config import Config
+from gearstab.floquet.frequencies import choice
+from gearstab.floquet.general.mean import mean_motions
+from gearstab.floquet.general.whirl import whirl_motions
 from gearstab.info import meshes_text, over, table, time_unit
-
-if TYPE_CHECKING:
-    from gearstab.config import Config
-    from gearstab.system import GearSystem
+from gearstab.methods.floquet import Floquet
+from gearstab.system import GearSystem
 
 
 def common_period(system: GearSystem) -> dict[str, Any] | None:
     """Describe the common period of all meshes; None where there is none."""
-    from gearstab.floquet.frequencies import choice
-
     period = choice.common_period(system)
     if period is None:
         return None
@@ -31,8 +33,6 @@ def common_period(system: GearSystem) -> dict[str, Any] | None:
 
 def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
     """Return the strategy of exact stability for several mesh frequencies; None for a single one."""
-    from gearstab.methods.floquet import Floquet
-
     if len(set(system.frequency_ratios)) < 2:
         return None
     return {"chosen": Floquet.whole(config.methods.floquet, system).outlook()}
@@ -49,8 +49,6 @@ def faults(system: GearSystem, orders: float | None) -> list[dict[str, Any]]:
     what the mesh is fixed in, per turn of the input. sidebands: beside the first harmonic of the mesh, with the
     amplitude of its stiffness over the mean of the mesh.
     """
-    import numpy as np
-
     known = {mesh.name: mesh for mesh in system.meshes}
     found = []
     for part in system.meshes:
@@ -120,9 +118,6 @@ def rotation_facts(system: GearSystem, ends: list[float] | None) -> dict[str, An
 
     None where no speed of rotation follows the mesh frequency, or no range is known.
     """
-    import numpy as np
-
-    from gearstab.floquet.general.whirl import whirl_motions
 
     ratios = [abs(float(rotation.speed_ratio)) for rotation in system.rotations if rotation.speed_ratio is not None]
     if not ratios or ends is None:
@@ -159,8 +154,6 @@ def rotation_facts(system: GearSystem, ends: list[float] | None) -> dict[str, An
 
 def _onset(system: GearSystem, stable: float, growing: float) -> float:
     """The speed between two at which a motion of the mean system begins to grow."""
-    from gearstab.floquet.general.mean import mean_motions
-
     for _ in range(HALVINGS):
         middle = 0.5 * (stable + growing)
         if mean_motions(system, middle).unstable.any():

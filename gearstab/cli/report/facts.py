@@ -10,8 +10,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from gearstab.config import Config
+from gearstab.config import Config, load
 from gearstab.design import regions
 from gearstab.design.problem import Span
 from gearstab.floquet.boundaries import Boundaries, boundaries
@@ -28,7 +29,12 @@ from gearstab.methods.floquet import Floquet
 from gearstab.modal import modal_damping_ratios
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED
+from gearstab.response.speeds import force_bounds, speed_response
+from gearstab.response.steady import STATUS_FLAGS
+from gearstab.results import open_result
+from gearstab.results.display import unit_of
 from gearstab.support import whirls
+from gearstab.sweep import plan, run
 from gearstab.symmetry import natural_modes
 from gearstab.system import Array, GearSystem
 
@@ -236,8 +242,6 @@ def _looked_at(item: Reach, config: Config, system: GearSystem) -> Reach:
 
 def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
     """The growth rates and regions of designs of the same speeds, as the figure ``design`` wants them."""
-    import xarray as xr
-
     speed = states[0].speeds
     inside = [[r for r in state.regions if r[0] < speed[-1] and r[1] > speed[0]] for state in states]
     labels = [label for one in inside for _, _, label in one]
@@ -265,8 +269,6 @@ def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
 
 
 def _unit(system: GearSystem, unit: str) -> str:
-    from gearstab.results.display import unit_of
-
     return unit_of(system, unit)
 
 
@@ -278,9 +280,6 @@ def probability(config: Config, state: State) -> tuple[float, float, float, floa
     options = config.tree.get("methods", {}).get("tolerance")
     if options is None:
         return None
-    from gearstab.config import load
-    from gearstab.results import open_result
-    from gearstab.sweep import plan, run
 
     low, high = min(span.low for span in state.spans), max(span.high for span in state.spans)
     axis = {"mesh_frequency": {"start": low, "stop": high, "num": 201}}
@@ -335,9 +334,6 @@ def separation(state: State) -> ToothContact | None:
 
 def _exactly(system: GearSystem, omega: Array) -> tuple[Array, Array]:
     """The largest load factor at every speed, and whether a loaded mesh's force changes its sign."""
-    from gearstab.response.speeds import speed_response
-    from gearstab.response.steady import STATUS_FLAGS
-
     found = speed_response(system, omega)
     factors = np.nan_to_num(np.nanmax(found.dynamic_load_factor[0].reshape(len(omega), -1), axis=1))
     return factors, (found.status[0] & STATUS_FLAGS["separation"]) != 0
@@ -345,8 +341,6 @@ def _exactly(system: GearSystem, omega: Array) -> tuple[Array, Array]:
 
 def _bounded(system: GearSystem, omega: Array) -> tuple[Array, Array]:
     """The same by the bounds of one frequency at a time."""
-    from gearstab.response.speeds import force_bounds
-
     found = force_bounds(system, omega)
     loaded = found.static[0] > 0
     return np.nanmax(np.nan_to_num(found.load_factor[0]), axis=1), np.any(loaded & (found.least[0] < 0), axis=1)
