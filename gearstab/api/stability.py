@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from gearstab.api import Source, as_system
 from gearstab.config import ConfigError
-from gearstab.config.document.tree import document_of
+from gearstab.config.document import document_of
 from gearstab.errors import NotPossible
 from gearstab.methods import METHODS, Method, OptionError, Outcome
 from gearstab.results.variables import GRID, TEXT, TONGUE

@@ -153,7 +153,7 @@ def final_line(target: Path, summary: Summary, seconds: float) -> str:
 
 def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     """Return the text that ``--dry-run`` prints."""
-    from gearstab.info.tables import columns
+    from gearstab.info import columns
     from gearstab.sweep.forecast import large
 
     axes = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes]

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.config.document.problems import Code, Path, Problem
-from gearstab.config.model.axes import Array, Grid
+from gearstab.config.document import Code, Path, Problem
+from gearstab.config.model import Array, Grid
 
 if TYPE_CHECKING:
-    from gearstab.config.document.tree import Document
+    from gearstab.config.document import Document
     from gearstab.config.sections.design import Design
     from gearstab.config.sections.uncertain import Uncertainties
     from gearstab.systems.base import System  # noqa: F401 - named in quotes

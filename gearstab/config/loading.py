@@ -12,8 +12,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearstab.config.configuration import Config
-from gearstab.config.document.problems import Code, ConfigError, Path, Problem, nearest, shown
-from gearstab.config.document.tree import NAME, Document, Where, document_of, mapping
+from gearstab.config.document import (
+    NAME,
+    Code,
+    ConfigError,
+    Document,
+    Path,
+    Problem,
+    Where,
+    document_of,
+    mapping,
+    nearest,
+    shown,
+)
 from gearstab.config.document.yaml import parse_value, read
 
 if TYPE_CHECKING:

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearstab.config.configuration import Config
-from gearstab.config.document.problems import Path, Problem
-from gearstab.config.document.tree import Document, scalars, sequence, texts, value_at
-from gearstab.config.model.axes import MESH_FREQUENCY, Axis
+from gearstab.config.document import Document, Path, Problem, scalars, sequence, texts, value_at
+from gearstab.config.model import MESH_FREQUENCY, Axis
 from gearstab.config.model.reading import quantity, type_at
 from gearstab.config.model.units import to_si
-from gearstab.config.sections.targets import INPUT_SPEED
+from gearstab.config.sections import INPUT_SPEED
 from gearstab.system import GearSystem
 
 if TYPE_CHECKING:

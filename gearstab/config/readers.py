@@ -5,29 +5,25 @@ What is wrong is reported to the document.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from pydantic import Field, create_model
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, Field, create_model
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from gearstab.config.configuration import Config
-from gearstab.config.document.problems import ConfigError, Path, Problem, nearest
-from gearstab.config.document.tree import Document, names_set
-from gearstab.config.model.axes import SPEEDS, Array, Axis, SpeedAxis, replaced
-from gearstab.config.model.conflicts import report_errors
-from gearstab.config.model.fields import Section
-from gearstab.config.model.reading import WRONG, read, told
+from gearstab.config.document import ConfigError, Document, Path, Problem, names_set, nearest, texts
+from gearstab.config.model import SPEEDS, Array, Axis, SpeedAxis, replaced
+from gearstab.config.model.conflicts import Conflict, report, report_errors, report_wrong
+from gearstab.config.model.fields import Quantity, Section
+from gearstab.config.model.reading import WRONG, quantity, read, told, type_at
 from gearstab.config.model.units import typed_unit
-from gearstab.config.model.values import Quantity
 from gearstab.config.samples import with_samples
-from gearstab.config.sections import sweep
-from gearstab.config.sections.dimensions import report_all
+from gearstab.config.sections import INPUT_SPEED, UNKNOWN_TEETH, Target, quantity_at, sweep
 from gearstab.config.sections.expansion import build
 from gearstab.config.sections.sweep import Context
-from gearstab.config.sections.targets import INPUT_SPEED, UNKNOWN_TEETH, Target
 from gearstab.methods import METHODS, POINTS, RANGE, OptionError
 from gearstab.methods import chosen as chosen_methods
 from gearstab.system import GearSystem
@@ -108,7 +104,7 @@ def read_system(document: Document, source: FilePath) -> SystemSections | None:
         bare, section = (replaced(each, path, value) for each in (bare, section))
         document.values["system", *path] = place
     given = {("system", *path) for path, _, _ in base}
-    report_all(document, ("system",), model, (section, errors), section.conflicts(), section, given)
+    _report(document, ("system",), model, (section, errors), section.conflicts(), section, given)
     context = Context(document, section)
     built = [found for layout in layouts if (found := build(document, section, layout))]
     axes, specs = tuple(axis for axis, _ in built), {axis.name: spec for axis, spec in built}
@@ -121,6 +117,40 @@ def read_system(document: Document, source: FilePath) -> SystemSections | None:
         plain = {"kind": document.data["system"]["kind"]} | bare.model_dump(mode="json", exclude_none=True)
     section, columns, doubts = with_samples(document, section, source, axes if plain else None)
     return SystemSections(plain, section, contents | columns, axes, specs, context, targets, wanted, doubts + unheeded)
+
+
+def _report(
+    document: Document, path: Path, model: type[BaseModel], read: tuple[Any, Sequence[ErrorDetails]],
+    rules: Iterable[Conflict], system: System | None, ignore: Collection[Path] = (),
+) -> None:  # fmt: skip
+    """Report what contradicts itself in a section, units that do not fit the system, and values that are wrong.
+
+    path: of the section, whose model is ``model``. read: the section and its errors. ignore: paths in the document at
+    which values are not those of the section.
+    """
+    section, errors = read
+    units = set() if system is None else {*_wrong_units(document, system, str(path[0]), model, ignore)}
+    report(document, path, rules, section)
+    report_errors(document, errors, model, path, {*ignore, *units})
+
+
+def _wrong_units(
+    document: Document, system: System, top: str, section: type[BaseModel], ignore: Collection[Path]
+) -> Iterator[Path]:
+    """Report texts in a section whose unit does not fit the system; yield their places."""
+    for path, text in texts(document.data.get(top)):
+        declared = quantity(type_at(section, path))
+        place = (top, *path)
+        if declared is None or place in ignore:
+            continue
+        wanted = quantity_at(system, path if top == "system" else place, declared)
+        if wanted == declared:
+            continue
+        try:
+            wanted.number(text)
+        except PydanticCustomError as error:
+            report_wrong(document, place, error, text)
+            yield place
 
 
 RAMP = ("respond", "ramp")
@@ -144,7 +174,7 @@ def read_respond(document: Document, system: System | None) -> Respond | PairRes
         axis = _replace_input_speed(document, section, told(system.cycles_of_input, 1.0))
     respond, errors = read(model, section)
     rules = () if respond is WRONG else respond.conflicts(system, size)
-    report_all(document, ("respond",), model, (respond, errors), rules, system)
+    _report(document, ("respond",), model, (respond, errors), rules, system)
     return None if errors or size is None else respond.of_size(size, axis)
 
 

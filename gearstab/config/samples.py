@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.document.files import DataFileError, arrays, numbers, present, text, usable
-from gearstab.config.document.problems import Path, Problem, dotted
-from gearstab.config.document.tree import Document, value_at
-from gearstab.config.model.axes import Array, Axis, replaced
-from gearstab.config.model.columns import columns_of, factor
+from gearstab.config.document import Document, Path, Problem, dotted, value_at
+from gearstab.config.model import Array, Axis, replaced
 from gearstab.config.model.conflicts import plain_number
-from gearstab.config.model.values import Quantity
-from gearstab.config.sections.dimensions import quantity_at
+from gearstab.config.model.fields import Quantity
+from gearstab.config.model.files import DataFileError, arrays, columns_of, factor, numbers, present, text, usable
+from gearstab.config.sections import quantity_at
 from gearstab.waveforms import Sampled, TorqueTable, Waveform
 from gearstab.waveforms.sampled import MOST_SAMPLES, out_of_table
 from gearstab.waveforms.section import waveforms

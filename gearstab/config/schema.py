@@ -9,8 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from gearstab.config.document.problems import nearest
-from gearstab.config.document.tree import mapping, sequence
+from gearstab.config.document import mapping, nearest, sequence
 from gearstab.config.model.fields import NUMBER
 from gearstab.config.model.reading import descriptions, field_types, inner_type, is_model, number_kind, title_of
 from gearstab.config.readers import Methods

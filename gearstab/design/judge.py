@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.document.tree import value_at
-from gearstab.config.sections.objectives import Limit
+from gearstab.config.document import value_at
+from gearstab.config.sections.design import Limit
 from gearstab.design.problem import Batch, DesignProblem
 from gearstab.design.quantities import EXACT, first_order_width, tongue_distance
 from gearstab.system import Array

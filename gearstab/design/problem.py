@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.config import Axis, Config
-from gearstab.config.document.tree import value_at
+from gearstab.config.document import value_at
+from gearstab.config.sections import INPUT_SPEED
 from gearstab.config.sections.design import Design, DesignVariable
-from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.errors import NotPossible
 from gearstab.support import whirls
 from gearstab.system import Array, GearSystem

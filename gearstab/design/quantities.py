@@ -1,5 +1,5 @@
 """Quantities that judge designs, for many systems at once; see
-:data:`gearstab.config.sections.objectives.QUANTITIES`.
+:data:`gearstab.config.sections.design.QUANTITIES`.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.sections.objectives import QUANTITIES, objective_name, objective_unit
+from gearstab.config.sections.design import QUANTITIES, objective_name, objective_unit
 from gearstab.design import quantities, regions
 from gearstab.design.judge import AT_ONCE, Judge, limited
 from gearstab.design.problem import Batch, DesignProblem

@@ -10,7 +10,7 @@ import numpy as np
 
 from gearstab.config import ConfigError
 from gearstab.config.model.units import scale
-from gearstab.config.sections.objectives import objective_name, objective_unit
+from gearstab.config.sections.design import objective_name, objective_unit
 from gearstab.design import pareto, search
 from gearstab.design.judge import Goal, Judge
 from gearstab.design.problem import DesignProblem, Span

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.api import Source, as_config, as_system
-from gearstab.config.document.files import DataFileError, arrays, numbers
+from gearstab.config.model.files import DataFileError, arrays, numbers
 from gearstab.errors import NotPossible, OutputError
 from gearstab.exchange import Model, linear_model, merged
 from gearstab.mesh import Mesh

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict
+from typing import Any
 
-from gearstab.info import danger, speeds, train
-from gearstab.info.records import MeanSystem
+import numpy as np
 
-if TYPE_CHECKING:
-    from gearstab.config import Config
-    from gearstab.config.sections.design import Design
-    from gearstab.system import GearSystem
-
+from gearstab.config import Config
+from gearstab.config.sections.design import Design, objective_name
+from gearstab.floquet.dispatch import reduction
+from gearstab.floquet.segments.reduction import reduce
+from gearstab.info import MeanSystem, danger, speeds, train
+from gearstab.modal import mesh_energy_shares, modal_damping_ratios, significant_deflection
+from gearstab.perturbation import PERTURBATION_FLAGS, first_order, second_order
+from gearstab.perturbation.multiple_scales import partitions
+from gearstab.perturbation.second_order import SUPPORTS
+from gearstab.perturbation.tongues import SELF_EXCITED, overlapping
+from gearstab.support import ANY_LINEAR, unsupported
+from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step, type_names
+from gearstab.system import GearSystem, of_wholes
+from gearstab.waveforms import WAVEFORMS
 
 HARMONICS = 3
 """Harmonics whose tongues are listed where the configuration does not ask for perturbation theory itself."""
@@ -19,9 +28,6 @@ HARMONICS = 3
 
 def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
     """Return all that ``info`` shows: numbers, texts, lists and records; None where a number does not exist."""
-    from gearstab.perturbation.second_order import SUPPORTS
-    from gearstab.support import unsupported
-
     system = config.system.build()
     asked = config.methods.perturbation
     theory = asked.order if asked and not unsupported(system, SUPPORTS) else 1
@@ -61,8 +67,6 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
 
 def _design(design: Design) -> dict[str, Any]:
     """Goal of a search by ``gearstab design``."""
-    from gearstab.config.sections.objectives import objective_name
-
     return {
         "ranges": [{item.of: [item.low, item.high], "weight": item.weight} for item in design.ranges],
         "variables": {v.name: list(v.bounds) if v.continuous else v.axis.size for v in design.variables},
@@ -87,8 +91,6 @@ def _number(value: Any) -> float | str | None:
 
 def _mesh(system: GearSystem, i: int, orders: float | None) -> dict[str, Any]:
     """A mesh; orders: cycles of a mesh of frequency ratio 1 per turn of the input, None where no teeth are known."""
-    from gearstab.waveforms import WAVEFORMS
-
     mesh = system.meshes[i]
     low, high = (float(mesh.mean_stiffness + 2 * mesh.amplitude * level) for level in mesh.waveform.extremes())
     contact_ratio = getattr(mesh.waveform, "contact_ratio", None)
@@ -106,13 +108,6 @@ def _mesh(system: GearSystem, i: int, orders: float | None) -> dict[str, Any]:
 
 
 def _modes(system: GearSystem) -> dict[str, Any]:
-    import numpy as np
-
-    from gearstab.modal import mesh_energy_shares, modal_damping_ratios, significant_deflection
-    from gearstab.perturbation.multiple_scales import partitions
-    from gearstab.symmetry import deflection_types, natural_modes, type_names
-    from gearstab.system import of_wholes
-
     modes = natural_modes(system)
     names = [mesh.name for mesh in system.whole_meshes]
     ratios, shares = modal_damping_ratios(system, modes), of_wholes(mesh_energy_shares(system, modes), system.wholes)
@@ -136,10 +131,6 @@ def _modes(system: GearSystem) -> dict[str, Any]:
 
 def _reductions(system: GearSystem) -> dict[str, Any]:
     """How exact Floquet analysis takes the system apart."""
-    from dataclasses import asdict
-
-    from gearstab.floquet.dispatch import reduction
-    from gearstab.floquet.segments.reduction import reduce
 
     found = reduction(system)
     blocks = [{name: list(v) if isinstance(v, tuple) else v for name, v in asdict(p).items()} for p in found.parts]
@@ -160,10 +151,6 @@ def _existence(system: GearSystem, found: dict[str, Any]) -> dict[str, Any]:
     ``types`` of a tongue are the T of all modes that share its two frequencies; ``allowed`` whether the rule holds for
     any pair of them. Motions that are no real modes have no rule: their numbers go with the mesh frequency.
     """
-    from gearstab.perturbation.multiple_scales import partitions
-    from gearstab.support import ANY_LINEAR, unsupported
-    from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step
-
     step = None if unsupported(system, ANY_LINEAR) else phase_step(system)
     if step is None:
         return {"existence_rule": None, **found}
@@ -181,10 +168,6 @@ def _existence(system: GearSystem, found: dict[str, Any]) -> dict[str, Any]:
 
 def _tongues(system: GearSystem, order_of_theory: int, harmonics: int) -> dict[str, Any]:
     """The tongues, and the numbers of the modes that grow by themselves."""
-    import numpy as np
-
-    from gearstab.perturbation import PERTURBATION_FLAGS, first_order, second_order
-    from gearstab.perturbation.tongues import SELF_EXCITED, overlapping
 
     tongues = (first_order if order_of_theory == 1 else second_order)(system, harmonics)
     second, status = tongues.boundary_error is not None, np.asarray(tongues.status)

@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from math import inf
+from typing import Any
 
-from gearstab.info.records import DangerousRegion, DangerousSpeeds, JudgedRegions, Remedies, ShownSpeeds
-from gearstab.info.tables import label_text, meshes_text, table
-from gearstab.perturbation.tongues import SELF_EXCITED
+from gearstab.config import Config
+from gearstab.config.model.units import scale as scale_of
+from gearstab.errors import NotPossible
+from gearstab.floquet.general.mean import mean_motions
+from gearstab.info import (
+    DangerousRegion,
+    DangerousSpeeds,
+    JudgedRegions,
+    Remedies,
+    ShownSpeeds,
+    label_text,
+    meshes_text,
+    table,
+    verified,
+)
+from gearstab.info.verified import OpenRegion, SpeedScan, Trial, peak
+from gearstab.perturbation import remedies
+from gearstab.perturbation.multiple_scales import group_of, modal_rows
+from gearstab.perturbation.remedies import RankedRegion, Ranking, Resonance, rank
+from gearstab.perturbation.tongues import SELF_EXCITED, Tongue
 from gearstab.support import ANY_LINEAR, WHIRLING, unsupported
-
-if TYPE_CHECKING:
-    from gearstab.config import Config
-    from gearstab.info.verified import OpenRegion, SpeedScan, Trial
-    from gearstab.perturbation.remedies import RankedRegion, Ranking, Resonance
-    from gearstab.perturbation.tongues import Tongue
-    from gearstab.system import Array, GearSystem
+from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step, turns
+from gearstab.system import Array, GearSystem
 
 WORTHWHILE = 0.5
 """A remedy that leaves more than this part of a region is not mentioned."""
@@ -25,13 +38,9 @@ MOST, NEAREST = 12, 3
 
 def facts(config: Config, system: GearSystem, harmonics: int) -> DangerousSpeeds:
     """Return the regions in the range of the sweep by what they do there. harmonics: at least so many are looked at."""
-    from math import inf
-
     axis = next((a for a in config.axes if a.mesh_frequency is not None), None)
     low, high, shown = 0.0, inf, ShownSpeeds("mesh frequency", "" if "time" in system.dimensionless else "rad/s", 1.0)
     if axis is not None and axis.mesh_frequency is not None:
-        from gearstab.config.model.units import scale as scale_of
-
         values, teeth = axis.mesh_frequency.values, axis.mesh_frequency.factor
         low, high = float(min(values)), float(max(values))
         one = scale_of(axis.typed_units, axis.units) if axis.typed_units else 1.0
@@ -48,7 +57,6 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> DangerousSpeeds
 def judged(config: Config, system: GearSystem, low: float, high: float, harmonics: int) -> JudgedRegions:
     """Return the regions between two mesh frequencies."""
     from gearstab.info import verified
-    from gearstab.perturbation.remedies import rank
 
     found = rank(system, low, high, harmonics, MOST, MOST)
     width, step = high - low, planets_step(system) if found.real_modes else None
@@ -84,9 +92,6 @@ def _decided(
     """Exact regions in a range with the tongue each stands under, the widest there first; candidates that are closed;
     and the scan for others, None without a range. None where one of them could not be decided.
     """
-    from gearstab.floquet.general.mean import mean_motions
-    from gearstab.info import verified
-
     rows: list[tuple[OpenRegion, Tongue, Resonance | None]] = []
     closed: list[RankedRegion] = []
     # Where the mean system grows by itself, no tongue is what makes a speed dangerous.
@@ -113,8 +118,6 @@ def _decided(
 
 def _not_judged(system: GearSystem) -> list[int]:
     """Numbers of the modes that meshes deflect and whose mean stiffness is not positive."""
-    from gearstab.symmetry import natural_modes
-
     modes = natural_modes(system)
     return [k + 1 for k, own in enumerate(~(modes.squared_frequency > 0) & ~modes.rigid) if own]
 
@@ -130,8 +133,6 @@ def _inside(item: OpenRegion, low: float, high: float) -> float:
 
 def planets_step(system: GearSystem) -> tuple[int, int] | None:
     """Return the number of planets and z of a system to which the existence rule applies."""
-    from gearstab.symmetry import phase_step
-
     step = phase_step(system)
     return None if step is None else (system.symmetries[0].order, step)
 
@@ -159,8 +160,6 @@ def _open(
     span: tuple[float, float], step: tuple[int, int] | None, trying: bool,
 ) -> DangerousRegion:  # fmt: skip
     """An exact region and, where they are tried, the remedies of first order that hold."""
-    from gearstab.info.verified import peak
-
     width, growth = span[1] - span[0], peak(system, region)
     trying &= tongue.kind != SELF_EXCITED
     return DangerousRegion.of(
@@ -180,9 +179,6 @@ def _tried(
     step: tuple[int, int] | None,
 ) -> Remedies:  # fmt: skip
     """The remedies of a region that exact search near it confirms; ``refuted`` names the kinds of the others."""
-    from gearstab.errors import NotPossible
-    from gearstab.info import verified
-
     low, high = verified.window(system, tongue, region.width)
     trial = verified.Trial(config, system, region, growth, tongue, min(low, region.lower), max(high, region.upper))
     closed: dict[str, Any] = {}
@@ -220,8 +216,6 @@ def _held(trial: Trial, kind: str, given: dict[str, Any]) -> dict[str, Any]:
 
 def _turned(system: GearSystem, step: int) -> Array:
     """Lags to add to all meshes of a planetary gear for another phase step z; 0 for the first mesh of each gear."""
-    from gearstab.symmetry import phase_step, turns
-
     present = phase_step(system) or 0
     return turns(system) * (step - present) / system.symmetries[0].order
 
@@ -230,8 +224,6 @@ def _advice(
     config: Config, system: GearSystem, tongue: Tongue, found: Resonance, step: tuple[int, int] | None
 ) -> dict[str, Any]:
     """Contact ratios, a phasing or tooth numbers that close a region to first order, those there are."""
-    from gearstab.perturbation import remedies
-
     meshes: Any = getattr(config.system, "meshes", None)
     advice: dict[str, Any] = {}
     groups = _alike(system, meshes)
@@ -277,9 +269,6 @@ def _phase(mesh: Any, shift: float) -> tuple[str, float]:
 
 def _excluding(system: GearSystem, tongue: Tongue, planets: int) -> list[int]:
     """Remainders of the sun's tooth number over the number of planets that exclude a region by the existence rule."""
-    from gearstab.perturbation.multiple_scales import group_of, modal_rows
-    from gearstab.symmetry import can_couple, deflection_types, natural_modes
-
     turns = deflection_types(system, natural_modes(system))
     modal = modal_rows(system)
     types = [{int(turns[k]) for k in group_of(modal, mode - 1)} - {-1} for mode in (tongue.mode_p, tongue.mode_q)]

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearstab.errors import RequestError
+from gearstab.methods import METHODS
 from gearstab.results.read import groups_of
 from gearstab.results.variables import Flags
 
@@ -104,8 +105,6 @@ def _flags(dataset: xr.Dataset) -> dict[str, int] | None:
 
 def _doubtful(dataset: xr.Dataset) -> int:
     """How many points carry a flag that tells of doubt."""
-    from gearstab.methods import METHODS
-
     noted = {name for method in METHODS.values() for name in method.flag_notes} | set(NEAR)
     mask = sum(bit for name, bit in Flags.of(dataset["status"].attrs).items() if name in noted)
     status = dataset["status"]

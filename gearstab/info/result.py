@@ -6,9 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from gearstab.config.model.units import scale
+from gearstab.info import columns
 from gearstab.info.outcome import outcome
-from gearstab.info.tables import columns
-from gearstab.results.read import branches_of
+from gearstab.results.display import FACTOR, SHOWN_SCALE, SPEEDS, in_display_units
+from gearstab.results.read import SIGNATURE, attributes, branches_of, is_sealed, reading
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,10 +28,6 @@ def jumps(tree: xr.DataTree) -> list[dict[str, Any]]:
     value: of the axis along which motions were followed, as it is shown, an input speed in rpm. before, after: root
     mean squares of the transmission error, of the mesh where it changes most; after is None where that is not known.
     """
-    import numpy as np
-
-    from gearstab.config.model.units import scale
-    from gearstab.results.display import FACTOR, SHOWN_SCALE, SPEEDS
 
     data = branches_of(tree)
     own = "branch_value" in data
@@ -97,8 +97,6 @@ PROVENANCE = (
 
 def is_result(path: Path) -> bool:
     """Return whether a file is meant as a result rather than as a configuration: it begins as HDF5 does."""
-    from gearstab.results.read import SIGNATURE
-
     try:
         if not path.is_file():
             return False
@@ -114,9 +112,6 @@ def describe(path: Path, unit: Sequence[str] = (), judged: bool = False) -> dict
     unit: see :func:`gearstab.results.display.in_display_units`. judged: whether to say what came out, for which the
     values of a sweep are read. Raises ResultError.
     """
-    from gearstab.results.display import in_display_units
-    from gearstab.results.read import attributes, is_sealed, reading
-
     with reading(path) as stored:
         root, tree = attributes(path), in_display_units(stored, unit)
         return {
@@ -158,8 +153,6 @@ def _coordinates(dataset: xr.Dataset) -> list[dict[str, Any]]:
 
 def _coordinate(item: xr.DataArray) -> dict[str, Any]:
     """A coordinate: its extent if it is numeric, else the first of its different values."""
-    import numpy as np
-
     values = item.values
     found = _variable(item) | {"size": int(item.size)}
     if values.dtype.kind in "fiu":
@@ -185,8 +178,6 @@ def _variable(item: xr.DataArray) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     """A value for JSON: no NaN, no types of NumPy."""
-    import numpy as np
-
     if isinstance(value, np.ndarray):
         return [_plain(item) for item in value.tolist()]
     if isinstance(value, np.generic):

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from gearstab.info.records import time_unit
-from gearstab.info.tables import meshes_text, over, table
+import numpy as np
 
-if TYPE_CHECKING:
-    from gearstab.config import Config
-    from gearstab.system import GearSystem
+from gearstab.config import Config
+from gearstab.floquet import frequencies as periods
+from gearstab.floquet.general.mean import mean_motions, whirl_motions
+from gearstab.info import meshes_text, over, table, time_unit
+from gearstab.methods.floquet import Floquet
+from gearstab.system import GearSystem
 
 
 def common_period(system: GearSystem) -> dict[str, Any] | None:
     """Describe the common period of all meshes; None where there is none."""
-    from gearstab.floquet import frequencies
-
-    period = frequencies.common_period(system)
+    period = periods.common_period(system)
     if period is None:
         return None
     segments, states = (period.segments if system.piecewise_constant else None), None
-    if (pattern := frequencies.exact_pattern(system)) is not None:
+    if (pattern := periods.exact_pattern(system)) is not None:
         segments, states = len(pattern.states), pattern.stiffness.shape[1]
     return {
         "in_periods_of_omega": period.cycles,
@@ -32,8 +32,6 @@ def common_period(system: GearSystem) -> dict[str, Any] | None:
 
 def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
     """Return the strategy of exact stability for several mesh frequencies; None for a single one."""
-    from gearstab.methods.floquet import Floquet
-
     if len(set(system.frequency_ratios)) < 2:
         return None
     return {"chosen": Floquet.whole(config.methods.floquet, system).outlook()}
@@ -50,8 +48,6 @@ def faults(system: GearSystem, orders: float | None) -> list[dict[str, Any]]:
     what the mesh is fixed in, per turn of the input. sidebands: beside the first harmonic of the mesh, with the
     amplitude of its stiffness over the mean of the mesh.
     """
-    import numpy as np
-
     known = {mesh.name: mesh for mesh in system.meshes}
     found = []
     for part in system.meshes:
@@ -123,8 +119,6 @@ def rotation_facts(system: GearSystem, ends: list[float] | None) -> dict[str, An
     """
     import numpy as np
 
-    from gearstab.floquet.general.mean import whirl_motions
-
     ratios = [abs(float(rotation.speed_ratio)) for rotation in system.rotations if rotation.speed_ratio is not None]
     if not ratios or ends is None:
         return None
@@ -160,8 +154,6 @@ def rotation_facts(system: GearSystem, ends: list[float] | None) -> dict[str, An
 
 def _onset(system: GearSystem, stable: float, growing: float) -> float:
     """The speed between two at which a motion of the mean system begins to grow."""
-    from gearstab.floquet.general.mean import mean_motions
-
     for _ in range(HALVINGS):
         middle = 0.5 * (stable + growing)
         if mean_motions(system, middle).unstable.any():

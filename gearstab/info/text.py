@@ -5,9 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gearstab.info import danger, speeds, train
-from gearstab.info.records import MeanSystem, ShownSpeeds, time_unit
-from gearstab.info.tables import label_text, meshes_text, over, table
+from gearstab.info import (
+    MeanSystem,
+    ShownSpeeds,
+    danger,
+    label_text,
+    meshes_text,
+    over,
+    speeds,
+    table,
+    time_unit,
+    train,
+)
 
 FEW_MESHES = 4
 """Up to so many meshes have columns of their own."""

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from fractions import Fraction
+from math import pi
 from typing import TYPE_CHECKING, Any
 
-from gearstab.info.tables import table
+import numpy as np
+
+from gearstab.config.model.units import scale
+from gearstab.info import table
+from gearstab.modal import static_mesh_force
+from gearstab.symmetry import natural_modes
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -16,9 +24,6 @@ if TYPE_CHECKING:
 
 def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
     """All that is said of a train, as plain numbers, texts and lists; None for other kinds of systems."""
-    import numpy as np
-
-    from gearstab.modal import static_mesh_force
 
     train = config.system.train()
     if train is None:
@@ -59,8 +64,6 @@ def _rotor(train: Train, k: int, torque: float | None) -> dict[str, Any]:
 
 def _set(train: Train, item: TrainSet, torque: float | None) -> dict[str, Any]:
     """A planetary set. torque: on the input rotor, N m; the members' are counter-clockwise where the input turns so."""
-    import math
-
     _, sun_drives, _ = train.power(item)
     torques = None
     if torque is not None and (carried := train.reactions.get(item.where)):
@@ -98,9 +101,6 @@ def _shafts(train: Train) -> list[dict[str, Any]]:
 
 def _mesh(train: Train, mesh: TrainMesh, force: float | None, speed: float | None) -> dict[str, Any]:
     """The teeth of a mesh and what they carry. force: the static one, N; speed: of the input rotor, rad/s."""
-    import math
-    from fractions import Fraction
-
     pair, motion, names = mesh.teeth.pairs[0], mesh.motion, list(mesh.gears)
     parts = dict(zip(("pinion", "wheel"), names[::-1] if pair.wheel_drives else names, strict=True))
     order = motion.frequency(train.speeds)
@@ -163,7 +163,6 @@ def _notice(notice: Any, parts: dict[str, str]) -> dict[str, Any]:
 def _shares(train: Train, system: GearSystem) -> list[dict[str, float | None]]:
     """Return the shares of each mode's strain energy in the shafts and in the supports; None of rigid-body modes."""
 
-    from gearstab.symmetry import natural_modes
     from gearstab.systems.gearbox.build import shaft_elements
 
     modes = natural_modes(system)
@@ -238,9 +237,6 @@ def _frequency(hertz: float) -> str:
 
 def _speed(ratio: str, speed: float | None) -> str:
     """A speed in rpm, or over that of the input. speed: of the input, rad/s."""
-    from fractions import Fraction
-    from math import pi
-
     return f"{float(Fraction(ratio)) * speed * 30 / pi:.5g} rpm" if speed is not None else f"{ratio} of the input speed"
 
 
@@ -312,9 +308,6 @@ def _told(item: dict[str, Any]) -> str:
 
 def modes(facts: dict[str, Any]) -> str:
     """The modes with the shares of their strain energy."""
-    from math import pi
-
-    from gearstab.config.model.units import scale
 
     # Beside another unit, that of the field.
     hertz = scale(facts["unit"], "rad/s") / (2 * pi) if facts["unit"] != "Hz" else None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config import Config
-from gearstab.config.model.axes import replaced
+from gearstab.config.model import replaced
 from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from gearstab.config.model.fields import Section, Whole
+from gearstab.config.model.fields import Quantity, Section, Whole
 from gearstab.config.model.units import wrong
-from gearstab.config.model.values import Quantity
 from gearstab.errors import NotPossible
 from gearstab.results.variables import SIDE, Variable
 from gearstab.support import unsupported
@@ -23,8 +22,8 @@ from gearstab.system import Array, Feature, GearSystem
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
-    from gearstab.config.document.tree import Document
-    from gearstab.config.model.axes import Axis
+    from gearstab.config.document import Document
+    from gearstab.config.model import Axis
     from gearstab.perturbation import Tongue
     from gearstab.systems.base import System
     from gearstab.tolerance import SamplingDesign

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, PrivateAttr
 
-from gearstab.config.model.axes import SPEEDS, Axis, replaced
-from gearstab.config.model.fields import Section, Whole
-from gearstab.config.model.values import Quantity
+from gearstab.config.model import SPEEDS, Axis, replaced
+from gearstab.config.model.fields import Quantity, Section, Whole
 from gearstab.methods.base import POINTS, RANGE, Method, OptionError, Outcome
 from gearstab.results.variables import GRID, ROWS, Variable, flagged
 from gearstab.results.variables.responses import BRANCHES
@@ -20,7 +19,7 @@ from gearstab.system import Array, Feature, GearSystem
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
-    from gearstab.config.document.tree import Document
+    from gearstab.config.document import Document
     from gearstab.response.backlash.sections import SectionMap
     from gearstab.systems.base import System
 

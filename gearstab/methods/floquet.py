@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from gearstab.config.model.fields import Flag, Section, Whole
+from gearstab.config.model.fields import Choice, Flag, Quantity, Section, Whole
 from gearstab.config.model.units import wrong
-from gearstab.config.model.values import Choice, Quantity
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, ModesOption, OptionError, Outcome, Restricted, Tolerance, check_certificate
 from gearstab.results.variables import (

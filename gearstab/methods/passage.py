@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
-from gearstab.config.document.files import DataFileError, text, usable
-from gearstab.config.model.axes import SPEEDS
-from gearstab.config.model.columns import columns_of
+from gearstab.config.model import SPEEDS
 from gearstab.config.model.conflicts import validate
-from gearstab.config.model.fields import Flag, Section
+from gearstab.config.model.fields import Flag, Quantity, Section
+from gearstab.config.model.files import DataFileError, columns_of, text, usable
 from gearstab.config.model.units import wrong
-from gearstab.config.model.values import Quantity
 from gearstab.methods.base import RANGE, Method, Outcome, Tolerance, WidthFloor
 from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, flagged
 from gearstab.system import Array, Feature
@@ -24,8 +22,8 @@ from gearstab.system import Array, Feature
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
-    from gearstab.config.document.tree import Document
-    from gearstab.config.model.axes import Axis
+    from gearstab.config.document import Document
+    from gearstab.config.model import Axis
     from gearstab.propagation.path import Path
 
 RAMP_COST, POWER = 1e6, 2.4

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.fields import Section, Whole
-from gearstab.config.model.values import Choice
+from gearstab.config.model.fields import Choice, Section, Whole
 from gearstab.methods.base import FEWEST, POINTS, Key, Method, OptionError, Outcome, TongueMethod
 from gearstab.results.display import SPEED_RATIOS
 from gearstab.results.variables import (

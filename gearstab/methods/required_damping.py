@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.fields import Section
-from gearstab.config.model.values import Choice, Quantity
+from gearstab.config.model.fields import Choice, Quantity, Section
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
 from gearstab.results.variables import REQUIRED_DAMPING, Variable, flagged

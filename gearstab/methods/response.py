@@ -7,8 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.model.fields import Flag, NonNegative, Section, Whole
-from gearstab.config.model.values import Choice, Quantity
+from gearstab.config.model.fields import Choice, Flag, NonNegative, Quantity, Section, Whole
 from gearstab.errors import NotPossible
 from gearstab.mesh import Connection, by_part
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from gearstab.config.document.problems import Code
-from gearstab.config.document.tree import mapping
-from gearstab.config.model.fields import AnyNumber, Flag, Section, Whole
+from gearstab.config.document import Code, mapping
+from gearstab.config.model.fields import AnyNumber, Flag, Quantity, Section, Whole
 from gearstab.config.model.units import wrong
-from gearstab.config.model.values import Quantity
 from gearstab.floquet.stability import STATUS_FLAGS
 from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, UncertainSpeed, flat
 from gearstab.methods.boundaries import BoundaryAnalysis

@@ -19,8 +19,8 @@ from gearstab.system import Array, GearSystem
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
-    from gearstab.config.document.tree import Document
-    from gearstab.config.model.axes import Axis
+    from gearstab.config.document import Document
+    from gearstab.config.model import Axis
     from gearstab.tolerance import SamplingDesign
 
 

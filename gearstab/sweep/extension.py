@@ -18,7 +18,7 @@ import numpy as np
 
 from gearstab.config import Axis, Config, ConfigError, load
 from gearstab.config.configuration import without_files
-from gearstab.config.document.tree import mapping
+from gearstab.config.document import mapping
 from gearstab.errors import ResultError, one_line
 from gearstab.methods import RANGE
 from gearstab.results.read import SWEEP, attributes, is_sealed, refuse_hollow

@@ -19,7 +19,7 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.config import Axis, Config, alike
-from gearstab.config.model.axes import MESH_FREQUENCY
+from gearstab.config.model import MESH_FREQUENCY
 from gearstab.config.readers import check_options
 from gearstab.methods import POINTS, Method, chosen
 from gearstab.results.hdf5 import decode, encode

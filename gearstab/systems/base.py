@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import Field
 
-from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import Document, sequence
-from gearstab.config.model.axes import Axis, Grid
+from gearstab.config.document import Document, Path, sequence
+from gearstab.config.model import Axis, Grid
 from gearstab.config.model.conflicts import Conflict, items, plain_number, repeated_names, within, within_each
-from gearstab.config.model.fields import Flag, NonNegative, Section, optional
+from gearstab.config.model.fields import Choice, Flag, NonNegative, Section, optional
 from gearstab.config.model.reading import told
-from gearstab.config.model.values import Choice
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.forcing import Damping

@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.document.problems import Path, dotted
-from gearstab.config.document.tree import Document, value_at
-from gearstab.config.model.axes import Array, Grid, matrix
+from gearstab.config.document import Document, Path, dotted, value_at
+from gearstab.config.model import Array, Grid, matrix
 from gearstab.config.model.conflicts import items
-from gearstab.config.model.values import SMALLEST_NUMBER
+from gearstab.config.model.fields import SMALLEST_NUMBER
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
 from gearstab.systems.mesh import build_mesh
 from gearstab.waveforms import WAVEFORMS, Waveform

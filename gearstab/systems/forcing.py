@@ -10,10 +10,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, GetJsonSchemaHandler
 
-from gearstab.config.model.axes import given, matrix, vector
+from gearstab.config.model import given, matrix, vector
 from gearstab.config.model.conflicts import Conflict, exactly_one, no_direction, wrong_length
-from gearstab.config.model.fields import ExactRatio, NameText, NonNegative, Section, Turns, Vector, optional
-from gearstab.config.model.values import Quantity
+from gearstab.config.model.fields import ExactRatio, NameText, NonNegative, Quantity, Section, Turns, Vector, optional
 from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm
 from gearstab.modal import modal_damping_matrix
 from gearstab.system import Array, GearSystem

@@ -11,12 +11,21 @@ import numpy as np
 from pydantic import Field
 
 from gearstab import rotating_pair
-from gearstab.config.document.tree import Document
-from gearstab.config.model.axes import Axis
+from gearstab.config.document import Document
+from gearstab.config.model import Axis
 from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
-from gearstab.config.model.fields import Inertia, Length, Mass, NonNegative, Teeth, TorsionalStiffness, optional
+from gearstab.config.model.fields import (
+    Choice,
+    Inertia,
+    Length,
+    Mass,
+    NonNegative,
+    Quantity,
+    Teeth,
+    TorsionalStiffness,
+    optional,
+)
 from gearstab.config.model.reading import known
-from gearstab.config.model.values import Choice, Quantity
 from gearstab.mesh import Mesh as MeshOfSystem
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem

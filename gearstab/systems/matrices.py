@@ -9,10 +9,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self, cast
 import numpy as np
 from pydantic import Field, StrictStr
 
-from gearstab.config.document.files import DataFileError
-from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import Document, sequence, value_at
-from gearstab.config.model.axes import Grid, matrix, vector
+from gearstab.config.document import Document, Path, sequence, value_at
+from gearstab.config.model import Grid, matrix, vector
 from gearstab.config.model.conflicts import (
     Conflict,
     at_most_one,
@@ -21,10 +19,10 @@ from gearstab.config.model.conflicts import (
     within_each,
     wrong_length,
 )
-from gearstab.config.model.fields import NUMBER, ByCoordinate, NameText, also, optional
+from gearstab.config.model.fields import NUMBER, ByCoordinate, Choice, NameText, Quantity, also, optional
+from gearstab.config.model.files import DataFileError
 from gearstab.config.model.reading import WRONG, constructed, told
 from gearstab.config.model.units import UnitError, to_si
-from gearstab.config.model.values import Choice, Quantity
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System

@@ -10,13 +10,22 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, StrictStr
 
-from gearstab.config.document.files import DataFileError, arrays, numbers, present, usable
-from gearstab.config.document.problems import Path, nearest
-from gearstab.config.document.tree import Document, sequence, value_at
-from gearstab.config.model.axes import matrix, vector
+from gearstab.config.document import Document, Path, nearest, sequence, value_at
+from gearstab.config.model import matrix, vector
 from gearstab.config.model.conflicts import Conflict, exactly_one, items, no_direction, within
-from gearstab.config.model.fields import AnyRatio, ContactRatio, Flag, NameText, Section, Turns, Vector, optional
-from gearstab.config.model.values import Quantity, Ratio
+from gearstab.config.model.fields import (
+    AnyRatio,
+    ContactRatio,
+    Flag,
+    NameText,
+    Quantity,
+    Ratio,
+    Section,
+    Turns,
+    Vector,
+    optional,
+)
+from gearstab.config.model.files import DataFileError, arrays, numbers, present, usable
 from gearstab.errors import one_line
 from gearstab.mesh import PeriodicTerm, Rotation
 from gearstab.system import Array

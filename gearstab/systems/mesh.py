@@ -13,11 +13,13 @@ from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one, 
 from gearstab.config.model.fields import (
     AnyRatio,
     ByCoordinate,
+    Choice,
     ContactRatio,
     Flag,
     NameText,
     NonNegative,
     NonNegativeLength,
+    Quantity,
     Section,
     ShortName,
     Stiffness,
@@ -25,7 +27,6 @@ from gearstab.config.model.fields import (
     optional,
 )
 from gearstab.config.model.reading import known
-from gearstab.config.model.values import Choice, Quantity
 from gearstab.mesh import Mesh
 from gearstab.system import Array
 from gearstab.systems.forcing import TransmissionError

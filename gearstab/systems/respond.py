@@ -7,12 +7,21 @@ from typing import Annotated, Any, ClassVar, cast
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from gearstab.config.model.axes import SpeedAxis
+from gearstab.config.model import SpeedAxis
 from gearstab.config.model.conflicts import Conflict, at_most_one, below, exactly_one, items, wrong_length
-from gearstab.config.model.fields import AngularFrequency, Flag, NonNegative, Section, Time, Whole, optional
+from gearstab.config.model.fields import (
+    AngularFrequency,
+    Choice,
+    Flag,
+    NonNegative,
+    Quantity,
+    Section,
+    Time,
+    Whole,
+    optional,
+)
 from gearstab.config.model.reading import WRONG, known, told
 from gearstab.config.model.units import wrong
-from gearstab.config.model.values import Choice, Quantity
 
 
 class Initial(Section):

@@ -10,10 +10,9 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.document.tree import Document
+from gearstab.config.document import Document
 from gearstab.config.model.conflicts import Conflict, wrong_length
-from gearstab.config.model.fields import ExactRatio, Mass, Teeth, optional
-from gearstab.config.model.values import Quantity
+from gearstab.config.model.fields import ExactRatio, Mass, Quantity, Teeth, optional
 from gearstab.mesh import MachineElement
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement

@@ -12,10 +12,9 @@ from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
-from gearstab.config.document.problems import Code
+from gearstab.config.document import Code
 from gearstab.config.model.conflicts import Conflict
-from gearstab.config.model.fields import Section
-from gearstab.config.model.values import Quantity
+from gearstab.config.model.fields import Quantity, Section
 
 Array = np.ndarray
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.axes import vector
+from gearstab.config.model import vector
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import Number, optional
 from gearstab.waveforms.base import Array, Keys, Waveform, wrapped

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.values import Quantity
+from gearstab.config.model.fields import Quantity
 from gearstab.waveforms.base import Array, Keys, Waveform, as_array, stiff_fraction, wrapped
 
 

@@ -10,11 +10,10 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import BeforeValidator, StrictStr
 
-from gearstab.config.model.axes import vector
+from gearstab.config.model import vector
 from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.config.model.fields import optional
+from gearstab.config.model.fields import Choice, Quantity, optional
 from gearstab.config.model.reading import WRONG
-from gearstab.config.model.values import Choice, Quantity
 from gearstab.errors import NotPossible
 from gearstab.waveforms.base import (
     POSITION,

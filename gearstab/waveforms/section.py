@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, create_model
 
-from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import entries, is_section
+from gearstab.config.document import Path, entries, is_section
 from gearstab.config.model.conflicts import Conflict, within
+from gearstab.config.model.fields import Choice
 from gearstab.config.model.reading import WRONG, descriptions
-from gearstab.config.model.values import Choice
 from gearstab.waveforms import WAVEFORMS, Waveform
 from gearstab.waveforms.base import Keys
 

@@ -10,10 +10,9 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.axes import vector
+from gearstab.config.model import vector
 from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
-from gearstab.config.model.fields import NonNegative, optional
-from gearstab.config.model.values import Choice, Quantity
+from gearstab.config.model.fields import Choice, NonNegative, Quantity, optional
 from gearstab.waveforms.base import Array, Keys, OfStiffness, WrongSample, as_array, stiff_fraction, wrapped
 from gearstab.waveforms.sampled import SampleKeys, missing_source, sample_conflicts, wrong_number, wrong_order
 from gearstab.waveforms.splines import Pieces, cubic_extremes, interpolate

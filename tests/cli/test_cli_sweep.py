@@ -248,11 +248,6 @@ def test_a_foreign_file_is_never_overwritten(folder: Path, capsys: pytest.Captur
     assert (folder / "notes.txt").read_text() == "mine"
 
 
-def test_a_result_may_be_overwritten(folder: Path) -> None:
-    assert code("sweep", "train.yaml", "-q") == 0
-    assert code("sweep", "train.yaml", "-q", "--overwrite") == 0
-
-
 def test_a_picture_replaces_neither_configuration_nor_result(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "train.png").write_text(CONFIG)
     assert code("bench", "train.png", "-o", "train.h5") == 2

@@ -17,8 +17,7 @@ from tongues import train
 from gearstab.config import Config, load
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.info import configuration
-from gearstab.info.tables import table
+from gearstab.info import configuration, table
 from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes, mesh_energy_shares, modal_damping_ratios, mode_types
 from gearstab.perturbation import first_order

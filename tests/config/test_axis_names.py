@@ -12,7 +12,7 @@ from scenes import scene_text, succeeds, written
 
 import gearstab as gs
 from gearstab.config import ConfigError, load
-from gearstab.config.model.axes import evenly
+from gearstab.config.model import evenly
 from gearstab.config.sections.sweep import GROUPS
 from gearstab.results import open_result
 from gearstab.results.variables.responses import taken_names

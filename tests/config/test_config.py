@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import given
+from random_documents import trees
 from ruamel.yaml import YAML
 from scenes import CONFIGURATIONS, read, scene_text, table
 
-from gearstab.config import Config, ConfigError, load
+from gearstab.config import ConfigError, load
 from gearstab.config.document.yaml import parse, write
 from gearstab.modal import mean_modes
 from gearstab.systems import build
@@ -262,16 +262,7 @@ system:
     assert (second["name"], second["epsilon"], second["contact_ratio"]) == ("b", 0.2, 1.5)
 
 
-characters = st.characters(codec="utf-8", exclude_characters="\0")
-"""All that a configuration may hold."""
-scalars = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(characters, max_size=8)
-keys = st.text(characters, min_size=1, max_size=5)
-trees = st.recursive(
-    scalars, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(keys, inner, max_size=3), max_leaves=8
-)
-
-
-@given(trees)
+@given(trees())
 def test_what_is_written_is_read_back(tree: Any) -> None:
     text = write({"key": tree})
     assert parse(text, "x").data == {"key": tree}
@@ -284,47 +275,3 @@ def test_numbers_of_yaml() -> None:
     found = parse(text, "x").data
     assert found == expected
     assert [type(v) for v in found] == [type(v) for v in expected]
-
-
-def leaves(tree: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    items = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
-    return [path, *(p for key, item in items for p in leaves(item, (*path, key)))]
-
-
-FUZZED = parse(SWEEP + "respond: {mesh_frequency: 1, cycles: 1, initial: {displacement: [1]}}\n", "x").data
-FUZZED["sweep"] |= {
-    "case": [{"label": "a", "contact_ratio": 1.2}],
-    "both": {"targets": ["damping_ratio"], "values": [1, 2]},
-    "meshes.0.damping": {"start": 0, "stop": 1, "step": 0.5},
-}
-
-
-@settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(data=st.data())
-def test_any_wrong_value_is_a_problem_and_no_crash(tmp_path: Path, data: st.DataObject) -> None:
-    """Whatever stands anywhere, or is missing, is either accepted or reported."""
-    from copy import deepcopy
-
-    tree = deepcopy(FUZZED)
-    for _ in range(data.draw(st.integers(1, 2))):
-        path = data.draw(st.sampled_from([p for p in leaves(tree) if p]))
-        container = tree
-        for part in path[:-1]:
-            container = container[part]
-        if data.draw(st.booleans()):
-            container[path[-1]] = data.draw(trees)
-        else:
-            del container[path[-1]]
-    found = outcome(tmp_path, write(tree))
-    if isinstance(found, Config):
-        assert build(found.system).size == 1
-    else:
-        assert found.problems
-        assert all("\n" not in str(problem) for problem in found.problems)
-
-
-def outcome(folder: Path, text: str) -> Config | ConfigError:
-    try:
-        return read(folder, text)
-    except ConfigError as error:
-        return error

@@ -17,7 +17,7 @@ import pytest
 from matplotlib.figure import Figure
 from scenes import CONFIGS, TRAIN, ran, scene_text, succeeds, written
 
-from gearstab.cli.report import contact, facts
+from gearstab.cli.report import facts
 from gearstab.cli.report.content import page
 from gearstab.cli.report.page import BulletList, Heading, Page, Picture, Table, Text, html
 from gearstab.cli.report.pdf import MARGIN, PAPER, pdf, sheets
@@ -146,8 +146,7 @@ def test_contact_and_uncertainty(tmp_path: Path) -> None:
 
 
 def test_a_train_whose_common_period_is_too_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (contact, facts):
-        monkeypatch.setattr(module, "AFFORDABLE", 1)
+    monkeypatch.setattr(facts, "AFFORDABLE", 1)
     train = TRAIN.replace("tooth_ratio: 1", "tooth_ratio: 3/5\n  damping_ratio: 0.1\n" + LOAD.rstrip())
     found = page(load(written(tmp_path, train + SWEEP)), lambda text: None)
     text = " ".join(b.text for b in found.blocks if isinstance(b, Text))
@@ -201,8 +200,8 @@ def test_regions_of_first_order_in_which_nothing_grows_are_not_called_open(drive
 
 def test_the_worst_speeds() -> None:
     """Local maxima, the ends included."""
-    assert contact._peaks(np.array([3.0, 1.0, 2.0, 2.0, 0.0, 5.0])) == [0, 3, 5]
-    assert contact._peaks(np.array([1.0])) == [0]
+    assert facts._peaks(np.array([3.0, 1.0, 2.0, 2.0, 0.0, 5.0])) == [0, 3, 5]
+    assert facts._peaks(np.array([1.0])) == [0]
 
 
 def test_a_rotor_that_whirls() -> None:

@@ -17,7 +17,7 @@ import pytest
 from scenes import CONFIGS, DOCS, TRAIN, ran, refused, succeeds
 
 import gearstab as gs
-from gearstab.config.document.problems import CODES, Code
+from gearstab.config.document import CODES, Code
 
 PAGE = (DOCS / "guide" / "walks.md").read_text()
 WALKS = dict(re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S))

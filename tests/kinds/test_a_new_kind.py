@@ -15,8 +15,7 @@ import pytest
 from pydantic import Field
 
 from gearstab.config import ConfigError, load
-from gearstab.config.model.fields import Mass, ShortName
-from gearstab.config.model.values import Quantity
+from gearstab.config.model.fields import Mass, Quantity, ShortName
 from gearstab.config.schema import commented, schema
 from gearstab.design.quantities import EXACT, SUPPORTS
 from gearstab.mesh import Mesh, PeriodicTerm

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scenes import TRAIN, code
 
-from gearstab.config.document.files import DataFileError, arrays
+from gearstab.config.model.files import DataFileError, arrays
 from gearstab.results import ResultError, hdf5, open_result, read
 from gearstab.results.hdf5 import holds_text
 

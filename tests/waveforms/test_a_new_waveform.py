@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.values import Quantity
+from gearstab.config.model.fields import Quantity
 from gearstab.waveforms import WAVEFORMS, Waveform
 from gearstab.waveforms.base import Keys, as_array
 

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from math import isnan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gearstab.cli.report import facts, sections
 from gearstab.cli.report.facts import State
 from gearstab.cli.report.page import Block, BulletList, Heading, Page, Table, Text
+from gearstab.config import Config, ConfigError
+from gearstab.design import check
+from gearstab.design.problem import DesignProblem, Span
+from gearstab.design.regions import single
+from gearstab.design.solution import Solution, solved
 from gearstab.errors import NotPossible
-from gearstab.info.records import MeanSystem, ShownSpeeds, time_unit, unit_asked
-from gearstab.info.tables import label_text
+from gearstab.info import MeanSystem, ShownSpeeds, label_text, time_unit, unit_asked
 from gearstab.results.display import in_brackets
-
-if TYPE_CHECKING:
-    from gearstab.config import Config
-    from gearstab.design.solution import Solution
+from gearstab.support import WHIRLING, unsupported, whirls
+from gearstab.system import Feature
 
 EXACT = (
     "Edges of open regions are exact for this model, to 1e-7 of the mesh frequency; regions narrower than 1e-5 of it "
@@ -82,9 +85,6 @@ def page(config: Config, say: Callable[[str], None], unit: str = "") -> Page:
 def _solution(config: Config, say: Callable[[str], None]) -> Solution | None:
     if config.design is None:
         return None
-    from gearstab.design import check
-    from gearstab.design.problem import DesignProblem
-    from gearstab.design.solution import solved
 
     check(config)
     return solved(DesignProblem(config, config.design), say)
@@ -92,11 +92,6 @@ def _solution(config: Config, say: Callable[[str], None]) -> Solution | None:
 
 def _states(config: Config, solution: Solution | None) -> list[State]:
     """The given design and, where one was searched, the proposed one."""
-    from dataclasses import replace
-
-    from gearstab.design.regions import single
-    from gearstab.support import WHIRLING, unsupported
-    from gearstab.system import Feature
 
     if solution is None:
         system = config.system.build()
@@ -115,9 +110,6 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
 
 def _spans(config: Config) -> tuple[Any, ...]:
     """The operating range of a configuration without a design: that of its sweep. Raises ConfigError."""
-    from gearstab.config import ConfigError
-    from gearstab.design.problem import Span
-
     for axis in config.axes:
         for item in axis.assignments:
             if item.path == ("mesh_frequency",) and axis.name in ("mesh_frequency", "input_speed"):
@@ -219,8 +211,6 @@ def _regions(state: State, shown: ShownSpeeds) -> Iterator[Block]:
 
 def _sureness(state: State) -> str:
     """How sure the regions are."""
-    from gearstab.support import whirls
-
     if state.verified:
         return WHIRLING_EXACT if whirls(state.system) else EXACT
     return FIRST_ORDER.format(strategy=state.strategy.reason.replace("_", " "))

@@ -1,4 +1,4 @@
-"""Facts of a design in a report: regions, damping required and at hand, probability."""
+"""Facts of a design in a report: regions, damping required and at hand, probability, contact of the teeth."""
 
 from __future__ import annotations
 
@@ -10,30 +10,39 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from gearstab.config import Config
+from gearstab.config import Config, load
 from gearstab.design import regions
 from gearstab.design.problem import Span
 from gearstab.floquet.boundaries import BUDGET, Boundaries, boundaries
 from gearstab.floquet.boundaries.damped.proof import MODULI
 from gearstab.floquet.boundaries.damped.search import COARSEST, PURSUIT
 from gearstab.floquet.dispatch import in_modes, reduction
-from gearstab.floquet.frequencies import AFFORDABLE, Strategy, common_period
+from gearstab.floquet.frequencies import AFFORDABLE, COMMON_PERIOD, Strategy, common_period
 from gearstab.floquet.general.mean import whirl_motions
+from gearstab.info import DangerousRegion, ShownSpeeds, label_text
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
-from gearstab.info.records import DangerousRegion, ShownSpeeds
-from gearstab.info.tables import label_text
 from gearstab.methods.floquet import Floquet
 from gearstab.modal import modal_damping_ratios
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED
+from gearstab.response.speeds import force_bounds, speed_response
+from gearstab.response.steady import STATUS_FLAGS
+from gearstab.results import open_result
+from gearstab.results.display import unit_of
 from gearstab.support import whirls
+from gearstab.sweep import plan, run
 from gearstab.symmetry import natural_modes
 from gearstab.system import Array, GearSystem
 
 SPEEDS, BEYOND = 801, 101
 """Speeds of a range, and beyond either end of all ranges, at which growth rates are computed."""
+STEADY_SPEEDS = 201
+"""Speeds of a range at which steady states are computed."""
+WORST = 3
+"""Speeds at which teeth part that are named."""
 MOST_WORK = 2.4e11
 """Multiplications of the search for all regions, by :func:`search_work`, from which on those near the tongues of first
 order must do: about a minute."""
@@ -232,8 +241,6 @@ def _looked_at(item: Reach, config: Config, system: GearSystem) -> Reach:
 
 def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
     """The growth rates and regions of designs of the same speeds, as the figure ``design`` wants them."""
-    import xarray as xr
-
     speed = states[0].speeds
     inside = [[r for r in state.regions if r[0] < speed[-1] and r[1] > speed[0]] for state in states]
     labels = [label for one in inside for _, _, label in one]
@@ -261,8 +268,6 @@ def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
 
 
 def _unit(system: GearSystem, unit: str) -> str:
-    from gearstab.results.display import unit_of
-
     return unit_of(system, unit)
 
 
@@ -274,9 +279,6 @@ def probability(config: Config, state: State) -> tuple[float, float, float, floa
     options = config.tree.get("methods", {}).get("tolerance")
     if options is None:
         return None
-    from gearstab.config import load
-    from gearstab.results import open_result
-    from gearstab.sweep import plan, run
 
     low, high = min(span.low for span in state.spans), max(span.high for span in state.spans)
     axis = {"mesh_frequency": {"start": low, "stop": high, "num": 201}}
@@ -291,3 +293,59 @@ def probability(config: Config, state: State) -> tuple[float, float, float, floa
     k = int(np.argmax(found["probability"].values))
     values = [float(found[name].values[k]) for name in ("probability", "probability_lower", "probability_upper")]
     return values[0], values[1], values[2], float(found["mesh_frequency"].values[k])
+
+
+@dataclass(frozen=True)
+class ToothContact:
+    """Loss of contact in the linear steady state.
+
+    worst: up to WORST speeds at which teeth would part, the worst first. count, looked: at how many of how many speeds
+    they do. load_factor: the largest. bound: whether all this comes from one frequency at a time, whose largest
+    deviations add up.
+    """
+
+    worst: list[float]
+    count: int
+    looked: int
+    load_factor: float
+    bound: bool
+
+
+def separation(state: State) -> ToothContact | None:
+    """Judge whether teeth would part. None where nothing drives the system."""
+    system = state.system
+    if not system.forced:
+        return None
+    several = len(set(system.all_ratios)) > 1
+    strategy = state.strategy
+    long = strategy.period is None or strategy.period.segments > AFFORDABLE
+    bound = several and (long or strategy.name != COMMON_PERIOD)
+    parting: list[tuple[float, float]] = []
+    count, looked, factor = 0, 0, 0.0
+    for span in state.spans:
+        omega = np.linspace(span.low, span.high, STEADY_SPEEDS)
+        factors, parts = (_bounded if bound else _exactly)(system, omega)
+        count, looked, factor = count + int(parts.sum()), looked + len(omega), max(factor, float(factors.max()))
+        parting += [(float(factors[k]), float(omega[k])) for k in _peaks(factors) if parts[k]]
+    worst = [speed for _, speed in sorted(parting, reverse=True)[:WORST]]
+    return ToothContact(worst, count, looked, factor, bound)
+
+
+def _exactly(system: GearSystem, omega: Array) -> tuple[Array, Array]:
+    """The largest load factor at every speed, and whether a loaded mesh's force changes its sign."""
+    found = speed_response(system, omega)
+    factors = np.nan_to_num(np.nanmax(found.dynamic_load_factor[0].reshape(len(omega), -1), axis=1))
+    return factors, (found.status[0] & STATUS_FLAGS["separation"]) != 0
+
+
+def _bounded(system: GearSystem, omega: Array) -> tuple[Array, Array]:
+    """The same by the bounds of one frequency at a time."""
+    found = force_bounds(system, omega)
+    loaded = found.static[0] > 0
+    return np.nanmax(np.nan_to_num(found.load_factor[0]), axis=1), np.any(loaded & (found.least[0] < 0), axis=1)
+
+
+def _peaks(values: Array) -> list[int]:
+    """Places of local maxima, ends included."""
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    return np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])).tolist()

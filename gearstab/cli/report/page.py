@@ -10,6 +10,8 @@ from html import escape
 from string import Template
 from typing import TYPE_CHECKING
 
+from gearstab.plots.drawing.style import metadata, style
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -119,8 +121,6 @@ def _row(cells: Sequence[str], tag: str) -> str:
 
 
 def _data(picture: Picture) -> str:
-    from gearstab.plots.drawing.style import metadata, style
-
     data = io.BytesIO()
     with style():
         picture.figure.savefig(data, format="png", dpi=RESOLUTION, metadata=metadata(".png", picture.caption))

@@ -8,7 +8,17 @@ from functools import cache
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
+from matplotlib import rcParams
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.image import imread
+from matplotlib.lines import Line2D
+from matplotlib.textpath import text_to_path
+
 from gearstab.cli.report.page import Block, BulletList, Heading, Page, Picture, Table, Text
+from gearstab.plots.drawing.style import metadata, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,9 +39,6 @@ RESOLUTION = 300
 
 def pdf(page: Page) -> bytes:
     """Return the file."""
-    from matplotlib.backends.backend_pdf import PdfPages
-
-    from gearstab.plots.drawing.style import metadata, style
 
     data = io.BytesIO()
     with style(), PdfPages(data, metadata=metadata(".pdf", page.title)) as file:
@@ -58,9 +65,6 @@ class _Paper:
 
     def turn(self) -> None:
         """Begin a page."""
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-
         self.sheets.append(Figure(figsize=(PAPER[0] / 72, PAPER[1] / 72)))
         FigureCanvasAgg(self.sheets[-1])
         self.y = MARGIN / 2
@@ -89,16 +93,11 @@ class _Paper:
 
     def rule(self, colour: str) -> None:
         """Draw a line across the page at ``y``."""
-        from matplotlib.lines import Line2D
-
         ends = MARGIN / PAPER[0], 1 - MARGIN / PAPER[0]
         self.sheets[-1].add_artist(Line2D(ends, [self.y / PAPER[1]] * 2, color=colour, linewidth=0.5))
 
     def picture(self, figure: Figure, caption: str) -> None:
         """Show a figure, no larger than it is, over its caption."""
-        from matplotlib.image import imread
-
-        from gearstab.plots.drawing.style import metadata
 
         data = io.BytesIO()
         figure.savefig(data, format="png", dpi=RESOLUTION, metadata=metadata(".png", caption))
@@ -174,10 +173,6 @@ def _write(paper: _Paper, block: Block, following: Block | None) -> None:
 @cache
 def _unit_length(text: str, bold: bool) -> float:
     """The length of a text in units of its size."""
-    from matplotlib import rcParams
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import text_to_path
-
     font = FontProperties(family=rcParams["font.family"], weight="bold" if bold else "normal", size=100)
     return text_to_path.get_text_width_height_descent(text, font, ismath=False)[0] / 100
 

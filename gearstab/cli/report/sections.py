@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from gearstab.cli.report import contact, facts
+from gearstab.cli.report import facts
 from gearstab.cli.report.facts import State
 from gearstab.cli.report.page import Block, BulletList, Heading, Picture, Table, Text
+from gearstab.config import Config
+from gearstab.design.result import group
+from gearstab.design.solution import Solution, answer
 from gearstab.errors import NotPossible, UserError
-from gearstab.info.records import ShownSpeeds
-from gearstab.results.display import in_brackets
-
-if TYPE_CHECKING:
-    from gearstab.config import Config
-    from gearstab.design.solution import Solution
+from gearstab.info import ShownSpeeds, speeds
+from gearstab.modal import modal_damping_ratios
+from gearstab.plots import draw
+from gearstab.results import Group, ResultTree
+from gearstab.results.display import in_brackets, unit_of
+from gearstab.results.provenance import mode_frequencies, modes_group, root_attributes
+from gearstab.results.read import from_bytes
+from gearstab.results.write import image
+from gearstab.symmetry import natural_modes, type_names
 
 SUMMED = " of one mesh frequency at a time, the largest deviations of all added up"
 
@@ -26,8 +32,6 @@ MOST_MODES = 24
 
 def pictures(solution: Solution | None, states: Sequence[State], shown: ShownSpeeds) -> Iterator[Block]:
     """Yield the growth rates of all designs and, after a search, what its result shows."""
-    from gearstab.plots import draw
-
     yield Heading("Pictures")
     figure, _ = draw(facts.growth_curve(states, shown), "design", title=False)
     caption = f"Growth rate over the {shown.name}, and regions of instability. Shaded: the operating range."
@@ -49,20 +53,12 @@ def pictures(solution: Solution | None, states: Sequence[State], shown: ShownSpe
 
 def _tree(solution: Solution) -> Any:
     """The result of the search as a tree in memory."""
-    from gearstab.design.result import group
-    from gearstab.results import Group, ResultTree
-    from gearstab.results.provenance import modes_group
-    from gearstab.results.read import from_bytes
-    from gearstab.results.write import image
-
     groups = {"modes": modes_group(solution.initial_system), "design": group(solution)}
     return from_bytes(image(ResultTree(Group((), {}), groups)))
 
 
 def design(solution: Solution) -> Iterator[Block]:
     """Yield the answer of the search, its variables and the reasons."""
-    from gearstab.design.solution import answer
-    from gearstab.results.display import unit_of
 
     yield Heading("Proposed design")
     # The reasons follow, all of them.
@@ -89,7 +85,7 @@ def teeth(states: Sequence[State], shown: ShownSpeeds) -> Iterator[Block]:
     yield Heading("Contact of the teeth")
     for state in states:
         try:
-            found = contact.separation(state)
+            found = facts.separation(state)
         except NotPossible as error:
             yield Text(f"Loss of contact is not judged: {error}.")
             return
@@ -128,8 +124,6 @@ def uncertainty(config: Config, state: State, shown: ShownSpeeds) -> Iterator[Bl
 
 def _whirling(state: State, shown: ShownSpeeds) -> Iterator[Block]:
     """The motions of the mean system at both ends of the operating range, whose speeds of rotation they go with."""
-    from gearstab.info import speeds
-
     ends = min(span.low for span in state.spans), max(span.high for span in state.spans)
     own = speeds.rotation_facts(state.system, list(ends))
     if own is None:
@@ -144,10 +138,6 @@ def _whirling(state: State, shown: ShownSpeeds) -> Iterator[Block]:
 
 def modes(state: State, shown: ShownSpeeds) -> Iterator[Block]:
     """Yield the natural frequencies of the given design."""
-    from gearstab.modal import modal_damping_ratios
-    from gearstab.results.provenance import mode_frequencies
-    from gearstab.symmetry import natural_modes, type_names
-
     if any(rotation.speed_ratio is not None for rotation in state.system.rotations):
         yield from _whirling(state, shown)
         return
@@ -175,8 +165,6 @@ def modes(state: State, shown: ShownSpeeds) -> Iterator[Block]:
 
 def provenance(config: Config) -> Iterator[Block]:
     """Yield versions and the configuration."""
-    from gearstab.results.provenance import root_attributes
-
     known = root_attributes("report", config)
     names = ("gearstab_version", "kernel", "numpy_version", "python_version", "created", "config_digest")
     yield Heading("Versions and configuration")

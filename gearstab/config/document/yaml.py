@@ -9,13 +9,15 @@ import warnings
 from pathlib import Path as FilePath
 from typing import Any
 
-from gearstab.config.document.files import LARGEST_TEXT, NO_REGULAR
-from gearstab.config.document.problems import Code, ConfigError, Path, Problem, dotted
-from gearstab.config.document.tree import DEEPEST, NO_CHARACTER, Document, Where
+from gearstab.config.document import DEEPEST, NO_CHARACTER, Code, ConfigError, Document, Path, Problem, Where, dotted
 
 Node = Any
 """A node of ruamel.yaml's, whose types leave out what its kinds have."""
 
+LARGEST_TEXT = 4_000_000
+"""Bytes of a file that is read as text; 1 MB of YAML takes some seconds."""
+NO_REGULAR = "is no regular file"
+"""A pipe or a device, which may never end."""
 ESCAPE = re.compile(r"\\U(?!000|0010)[0-9a-fA-F]{8}")
 """One that names no character."""
 TAG = "tag:yaml.org,2002:"

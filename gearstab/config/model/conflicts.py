@@ -11,8 +11,7 @@ from typing import Any, TypeVar, cast, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from gearstab.config.document.problems import Code, Path, nearest
-from gearstab.config.document.tree import Document, entries, is_number
+from gearstab.config.document import Code, Document, Path, entries, is_number, nearest
 from gearstab.config.model.fields import Section
 from gearstab.config.model.reading import (
     WRONG,

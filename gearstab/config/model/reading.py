@@ -14,10 +14,8 @@ from typing import Annotated, Any, NoReturn, TypeVar, Union, get_args, get_origi
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from gearstab.config.document.problems import Path, closest
-from gearstab.config.document.tree import value_at
-from gearstab.config.model.fields import ShortName
-from gearstab.config.model.values import Choice, Quantity, Ratio
+from gearstab.config.document import Path, closest, value_at
+from gearstab.config.model.fields import Choice, Quantity, Ratio, ShortName
 
 Mark = TypeVar("Mark")
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic_core import PydanticCustomError
 
-from gearstab.config.document.problems import Code
-from gearstab.config.document.tree import is_number
+from gearstab.config.document import Code, is_number
 
 if TYPE_CHECKING:
     import pint

@@ -4,28 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import Field, TypeAdapter, ValidationError
 
-from gearstab.config.document.problems import Path, nearest
-from gearstab.config.document.tree import mapping, sequence
-from gearstab.config.model.axes import SPEEDS, Axis
-from gearstab.config.model.fields import NUMBER, PAIR, closed
+from gearstab.config.document import Document, Path, dotted, is_number, mapping, nearest, sequence
+from gearstab.config.model import SPEEDS, Axis
+from gearstab.config.model.conflicts import report_detail
+from gearstab.config.model.fields import NUMBER, PAIR, Quantity, closed
 from gearstab.config.model.reading import quantity
-from gearstab.config.sections import design_variables
+from gearstab.config.sections import INPUT_SPEED, design_variables
 from gearstab.config.sections.expansion import UnresolvedAxis, build, expand_list
-from gearstab.config.sections.objectives import (
-    OBJECTIVES,
-    QUANTITIES,
-    Limit,
-    each,
-    positive,
-    read_limits,
-    read_objectives,
-)
 from gearstab.config.sections.sweep import Context
-from gearstab.config.sections.targets import INPUT_SPEED
 
 KEYS = {
     "range": "range: {mesh_frequency: [2.0, 6.0]}",
@@ -34,6 +25,50 @@ KEYS = {
     "constraints": "constraints: {contact_ratio: {max: 1.9}}",
 }
 """The keys of the section with an example each."""
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A quantity that judges a design: its unit and long name."""
+
+    units: str
+    long_name: str
+
+    @property
+    def annotation(self) -> Any:
+        """The type of a number that limits it."""
+        return Annotated[float, Field(ge=0), Quantity(self.units)]
+
+
+QUANTITIES = {
+    "instability_width": Criterion("rad/s", "width of all instability regions within the operating range"),
+    "growth_rate": Criterion("1/s", "largest growth rate within the operating range"),
+    "required_damping": Criterion("1", "damping ratio of all modes from which on the operating range is stable"),
+    "load_factor": Criterion("1", "largest dynamic load factor of the steady state within the operating range"),
+    "tongue_distance": Criterion("rad/s", "distance from the operating range to the nearest instability region"),
+    "root_stress": Criterion("Pa", "largest static stress at the root of a tooth (ISO 6336-3)"),
+    "transmission_error": Criterion("m", "peak-to-peak static transmission errors of teeth with relief, summed up"),
+}
+"""By the name that a configuration uses."""
+
+OBJECTIVES = tuple(name for name in QUANTITIES if name != "tongue_distance")
+"""Quantities that can be minimised."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A constraint: low <= the quantity, or the numbers at these paths below ``system``, <= high, in SI units."""
+
+    name: str
+    paths: tuple[Path, ...]
+    low: float
+    high: float
+    units: str
+
+    @property
+    def ends(self) -> dict[str, float]:
+        """``min`` and ``max`` that are given."""
+        return {name: value for name, value in (("min", self.low), ("max", self.high)) if np.isfinite(value)}
 
 
 @dataclass(frozen=True)
@@ -195,6 +230,110 @@ def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
     return SpeedRange(of, low, high, weight, found.typed_units)
 
 
+def objective_name(weights: Mapping[str, float]) -> str:
+    """Name a weighted sum: ``instability_width``, ``instability_width + 0.2 load_factor``."""
+    return " + ".join(name if weight == 1 else f"{weight:g} {name}" for name, weight in weights.items())
+
+
+def objective_unit(weights: Mapping[str, float]) -> str:
+    """Return the unit of a weighted sum, 1 of several quantities."""
+    return QUANTITIES[next(iter(weights))].units if len(weights) == 1 else "1"
+
+
+def each(path: Path, spec: Any) -> list[tuple[Path, Any]]:
+    """Return path and value of each entry of a list, or of a single value."""
+    return [((*path, i), item) for i, item in enumerate(spec)] if isinstance(spec, list) else [(path, spec)]
+
+
+def positive(document: Document, path: Path, value: Any) -> float | None:
+    """Return a number > 0; None after reporting that it is none."""
+    if is_number(value) and 0 < value < np.inf:
+        return float(value)
+    document.report(path, "wrong_type", "must be a number > 0", "write a number > 0", value=value)
+    return None
+
+
+def read_objectives(document: Document, spec: Any) -> Iterator[dict[str, float]]:
+    """Weights by name, of each objective."""
+    path: Path = ("design", "minimise")
+    if spec in (None, [], {}):
+        return
+    seen: list[Any] = []
+    for place, item in each(path, spec):
+        if item in seen:
+            document.report(place, "repeated_name", "stands there twice", "name each objective once", value=item)
+        seen.append(item)
+        found = _objective(document, place, item)
+        if found:
+            yield found
+
+
+def _objective(document: Document, path: Path, item: Any) -> dict[str, float]:
+    weights = {item: 1.0} if isinstance(item, str) else mapping(item)
+    if not weights:
+        hint = f"write one of {', '.join(OBJECTIVES)}, or a mapping of weights"
+        document.report(path, "wrong_type", "must name what is to be small", hint, value=item)
+        return {}
+    found = {}
+    for name, weight in weights.items():
+        place = (*path, name) if weights is item else path
+        if name not in OBJECTIVES:
+            hint = nearest(str(name), OBJECTIVES)
+            document.report(place, "unknown_name", f"'{name}' is no objective", hint, at_key=True)
+            continue
+        number = positive(document, place, weight)
+        if number is not None:
+            found[name] = number
+    return found
+
+
+def read_limits(context: Context, spec: Any) -> Iterator[Limit]:
+    """Yield the constraints of a section as written; report problems."""
+    document, path = context.document, ("design", "constraints")
+    if spec in (None, {}):
+        return
+    if not mapping(spec):
+        hint = "write constraints: {contact_ratio: {max: 1.9}}"
+        document.report(path, "wrong_type", "must be a mapping", hint, value=spec)
+        return
+    for name, ends in spec.items():
+        found = _limit(context, (*path, name), name, ends)
+        if found is not None:
+            yield found
+
+
+def _limit(context: Context, path: Path, name: str, ends: Any) -> Limit | None:
+    document = context.document
+    if not mapping(ends) or not ends.keys() <= {"min", "max"}:
+        document.report(path, "missing", "must give min, max or both", "write {min: .., max: ..}", value=ends or None)
+        return None
+    targets: list[Target] = []
+    if name in QUANTITIES:
+        units = QUANTITIES[name].units
+        adapter: TypeAdapter[Any] = TypeAdapter(QUANTITIES[name].annotation)
+    else:
+        targets = context.resolve(name, path)
+        if not targets:
+            return None
+        if targets[0].exact and not targets[0].counted:
+            hint = "give the choices in variables"
+            document.report(path, "no_range", "is no number that has limits", hint, at_key=True)
+            return None
+        units, adapter = targets[0].unit, TypeAdapter(targets[0].plain)
+    values = {"min": -np.inf, "max": np.inf}
+    for key, value in ends.items():
+        try:
+            values[key] = float(adapter.validate_python(value))
+        except ValidationError as error:
+            report_detail(document, (*path, key), error.errors(include_url=False)[0], value)
+            return None
+    if values["min"] > values["max"]:
+        document.report(path, "wrong_order", "min is larger than max", "exchange the two", value=dotted(path))
+        return None
+    paths = tuple(item.paths[0] for item in targets)
+    return Limit(name, paths, values["min"], values["max"], units)
+
+
 def json_schema() -> dict[str, Any]:
     """Return the schema of the section, which refers to the definition ``Case``."""
     positive_number = {"type": "number", "exclusiveMinimum": 0}
@@ -220,3 +359,8 @@ def json_schema() -> dict[str, Any]:
         description="What gearstab design may change, and what for.",
         required=["range", "variables", "minimise"],
     )
+
+
+if TYPE_CHECKING:
+    from gearstab.config.sections import Target
+    from gearstab.config.sections.sweep import Context

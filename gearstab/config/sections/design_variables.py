@@ -10,16 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.document import files
-from gearstab.config.document.problems import Path, nearest
-from gearstab.config.document.tree import Document, is_number, mapping, sequence
+from gearstab.config.document import Document, Path, is_number, mapping, nearest, sequence
 from gearstab.config.document.yaml import number
-from gearstab.config.model.axes import Axis
-from gearstab.config.model.columns import PLAIN, head
+from gearstab.config.model import Axis, files
 from gearstab.config.model.fields import NUMBER, PAIR, closed
+from gearstab.config.model.files import PLAIN, head
+from gearstab.config.sections import INPUT_SPEED, MESH_FREQUENCY, Target
 from gearstab.config.sections.expansion import Column, UnresolvedAxis
 from gearstab.config.sections.sweep import Context, cases, report_rivals
-from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target
 
 FORMS = {
     "integers": "{integers: [17, 40]}",

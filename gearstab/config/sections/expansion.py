@@ -10,15 +10,13 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError, WithJsonSchema
 
-from gearstab.config.document.problems import Code, Path
-from gearstab.config.document.tree import Document
-from gearstab.config.model.axes import Array, Assignment, Axis, evenly
+from gearstab.config.document import Code, Document, Path
+from gearstab.config.model import Array, Assignment, Axis, evenly
 from gearstab.config.model.conflicts import report_detail, validate
-from gearstab.config.model.fields import NUMBER, AnyNumber, Section, Whole, optional
+from gearstab.config.model.fields import NUMBER, AnyNumber, Choice, Section, Whole, optional
 from gearstab.config.model.reading import axis_choice, number_kind
 from gearstab.config.model.units import typed_unit
-from gearstab.config.model.values import Choice
-from gearstab.config.sections.targets import Target, described
+from gearstab.config.sections import Target, described
 from gearstab.systems.base import System
 
 LARGEST_AXIS = 100_000_000

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.document.problems import Path, Problem, dotted, nearest
-from gearstab.config.document.tree import Document, Where, sequence, value_at
-from gearstab.config.model.axes import MESH_FREQUENCY
+from gearstab.config.document import Document, Path, Problem, Where, dotted, nearest, sequence, value_at
+from gearstab.config.model import MESH_FREQUENCY
 from gearstab.config.model.reading import WRONG, SkipRule, as_far_as_right
+from gearstab.config.sections import INPUT_SPEED, Target, TargetError, resolve
 from gearstab.config.sections.expansion import Column, Range, Tie, UnresolvedAxis
-from gearstab.config.sections.targets import INPUT_SPEED, Target, TargetError, resolve
 from gearstab.methods import METHODS
 from gearstab.systems.base import System
 

@@ -9,14 +9,13 @@ from typing import Any, get_args
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from gearstab.config.document.problems import Path, Problem, dotted
-from gearstab.config.document.tree import Document, mapping, sequence, value_at
-from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid, replaced
+from gearstab.config.document import Document, Path, Problem, dotted, mapping, sequence, value_at
+from gearstab.config.model import MESH_FREQUENCY, Array, Axis, Grid, replaced
 from gearstab.config.model.conflicts import report_wrong
+from gearstab.config.model.fields import Quantity
 from gearstab.config.model.reading import as_far_as_right, quantity
-from gearstab.config.model.values import Quantity
+from gearstab.config.sections import Target
 from gearstab.config.sections.sweep import BaseValue, Context, is_absent
-from gearstab.config.sections.targets import Target
 from gearstab.systems.base import System
 from gearstab.tolerance import DISTRIBUTIONS, Distribution, groups_of
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from gearstab.config import ConfigError
-from gearstab.config.document.problems import Code
+from gearstab.config.document import Code
 from gearstab.errors import NotPossible
 from gearstab.modal import static_equilibrium
 from gearstab.propagation.path import Path
@@ -41,7 +41,7 @@ from gearstab.system import GearSystem, shared_period
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.model.axes import SpeedAxis
+    from gearstab.config.model import SpeedAxis
     from gearstab.response import Response
     from gearstab.response.backlash import BacklashResponse
     from gearstab.systems.respond import Respond

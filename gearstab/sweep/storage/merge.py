@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config import Axis, Config
-from gearstab.config.sections.targets import INPUT_SPEED
+from gearstab.config.sections import INPUT_SPEED
 from gearstab.methods import Key
 from gearstab.results.display import ASIDE, CYCLES, FACTOR, FREQUENCY, OPERATING_RANGE, SPEEDS, in_units_of, typed
 from gearstab.results.hdf5 import decode, encode

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict, within
 from gearstab.config.model.fields import (
+    Choice,
     Flag,
     Inertia,
     Length,
@@ -19,13 +20,13 @@ from gearstab.config.model.fields import (
     NonNegativeLength,
     Number,
     Positive,
+    Quantity,
     Section,
     Stiffness,
     ToothCount,
     TorsionalStiffness,
     optional,
 )
-from gearstab.config.model.values import Choice, Quantity
 from gearstab.gears.geometry import transverse_angle
 from gearstab.system import Array
 from gearstab.systems.kinematics import TrainError

@@ -15,11 +15,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.document.problems import nearest
+from gearstab.config.document import nearest
 from gearstab.config.model.conflicts import Conflict, items, within_each
-from gearstab.config.model.fields import NameText, Section, Whole
+from gearstab.config.model.fields import Choice, NameText, Quantity, Section, Whole
 from gearstab.config.model.reading import WRONG
-from gearstab.config.model.values import Choice, Quantity
 from gearstab.mesh import Mesh
 from gearstab.systems.forcing import GearError
 from gearstab.waveforms import Tooth

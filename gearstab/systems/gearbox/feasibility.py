@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import Document
-from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid
+from gearstab.config.document import Document, Path
+from gearstab.config.model import MESH_FREQUENCY, Array, Axis, Grid
 from gearstab.config.model.conflicts import Conflict, items
 from gearstab.config.model.reading import known
 from gearstab.systems.gearbox.bodies import Rotor, moves, slides

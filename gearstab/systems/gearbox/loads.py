@@ -20,9 +20,8 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict, plain_number
-from gearstab.config.model.fields import AngularFrequency, NameText, Section, optional
+from gearstab.config.model.fields import AngularFrequency, Choice, NameText, Quantity, Section, optional
 from gearstab.config.model.reading import WRONG
-from gearstab.config.model.values import Choice, Quantity
 from gearstab.errors import NotPossible
 from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm
 from gearstab.system import Array, GearSystem

@@ -8,10 +8,11 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.document.problems import nearest
-from gearstab.config.document.tree import Document, mapping, sequence
+from gearstab.config.document import Document, mapping, nearest, sequence
 from gearstab.config.model.conflicts import Conflict, below, items, within, within_each, wrong_length
 from gearstab.config.model.fields import (
+    Choice,
+    Count,
     Inertia,
     Length,
     Mass,
@@ -19,6 +20,7 @@ from gearstab.config.model.fields import (
     NonNegative,
     NonNegativeLength,
     Number,
+    Quantity,
     Section,
     ToothCount,
     Turns,
@@ -27,7 +29,6 @@ from gearstab.config.model.fields import (
     optional,
 )
 from gearstab.config.model.reading import WRONG, known, told
-from gearstab.config.model.values import Choice, Count, Quantity
 from gearstab.systems.forcing import GearError
 from gearstab.systems.gearbox.bodies import Rotor, Support, Teeth
 from gearstab.systems.gearbox.faults import Fault, absent_gear, excluded, fault_conflicts

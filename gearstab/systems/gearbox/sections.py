@@ -8,9 +8,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.document.problems import Path, nearest
-from gearstab.config.document.tree import Document
-from gearstab.config.model.axes import Axis, Grid
+from gearstab.config.document import Document, Path, nearest
+from gearstab.config.model import Axis, Grid
 from gearstab.config.model.conflicts import Conflict, items, repeated_names, within_each
 from gearstab.config.model.fields import NonNegative
 from gearstab.config.model.reading import WRONG, known, told

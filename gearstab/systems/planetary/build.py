@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.model.axes import vector
+from gearstab.config.model import vector
 from gearstab.config.model.reading import held
 from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row

@@ -11,13 +11,16 @@ from typing import Annotated, Any, ClassVar, cast
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.document.tree import Document
+from gearstab.config.document import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one
 from gearstab.config.model.fields import (
+    Choice,
     Flag,
     Length,
     Mass,
     Number,
+    Quantity,
+    Ratio,
     Section,
     Stiffness,
     ToothCount,
@@ -26,7 +29,6 @@ from gearstab.config.model.fields import (
     optional,
 )
 from gearstab.config.model.reading import known, told
-from gearstab.config.model.values import Choice, Quantity, Ratio
 from gearstab.system import Array
 from gearstab.systems.kinematics import MeshMotion, Relation, solve
 from gearstab.systems.mesh import StiffnessOfTeeth, ToothMesh

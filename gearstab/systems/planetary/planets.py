@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import Document, mapping
-from gearstab.config.model.axes import Grid
+from gearstab.config.document import Document, Path, mapping
+from gearstab.config.model import Grid
 from gearstab.config.model.conflicts import Conflict, plain_number
 from gearstab.mesh import Rotation
 from gearstab.system import Array

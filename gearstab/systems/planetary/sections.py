@@ -10,13 +10,11 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.document.problems import Path
-from gearstab.config.document.tree import Document
-from gearstab.config.model.axes import Grid
+from gearstab.config.document import Document, Path
+from gearstab.config.model import Grid
 from gearstab.config.model.conflicts import Conflict, below, within, wrong_length
-from gearstab.config.model.fields import Flag, also, optional
+from gearstab.config.model.fields import Choice, Count, Flag, Quantity, also, optional
 from gearstab.config.model.reading import WRONG, known
-from gearstab.config.model.values import Choice, Count, Quantity
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from scenes import ran, scene_text, written
 
-from gearstab.config.model.values import LARGEST_NUMBER, LARGEST_RATIO, SMALLEST_NUMBER
+from gearstab.config.model.fields import LARGEST_NUMBER, LARGEST_RATIO, SMALLEST_NUMBER
 
 TRAIN = scene_text("absurd_numbers_train")
 

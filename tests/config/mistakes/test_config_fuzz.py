@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from random_documents import trees
 from ruamel.yaml import YAML
-from scenes import CONFIGS, CONFIGURATIONS, examples, succeeds
+from scenes import CONFIGS, CONFIGURATIONS, examples, scene_text, succeeds
 
 from gearstab.config import Config, ConfigError, load
-from gearstab.config.document.problems import CODES
+from gearstab.config.document import CODES
 from gearstab.config.document.yaml import write
 from gearstab.config.readers import check_options
 from gearstab.sweep.plan import plan
@@ -28,6 +29,15 @@ LARGE = {"train13.yaml", "drive_train.yaml", "fig4.yaml"}
 """Configurations that take long to read."""
 TEXTS = [path.read_text() for path in CONFIGURATIONS if path.name not in LARGE]
 TREES = [YAML(typ="safe", pure=True).load(text) for text in TEXTS]
+FORMS = YAML(typ="safe", pure=True).load(scene_text("config_sweep"))
+"""A configuration with every form of an axis, and a response."""
+FORMS["respond"] = {"mesh_frequency": 1, "cycles": 1, "initial": {"displacement": [1]}}
+FORMS["sweep"] |= {
+    "case": [{"label": "a", "contact_ratio": 1.2}],
+    "both": {"targets": ["damping_ratio"], "values": [1, 2]},
+    "meshes.0.damping": {"start": 0, "stop": 1, "step": 0.5},
+}
+TREES.append(FORMS)
 
 VALUES: list[Any] = [
     None, 0, 1, -1, 2, 3, 0.5, 1e-3, 1e3, 1e12, 1e29, 1e-29, 1e31, 1e-300, 10**20, -0.0, True, False, "", "x", "²",
@@ -65,11 +75,13 @@ def mutated(draw: Any, tree: Any) -> None:
     places = [path for path in paths(tree) if path]
     path = draw(st.sampled_from(places))
     container, key = at(tree, path[:-1]), path[-1]
-    value, kind = container[key], draw(st.integers(0, 6))
+    value, kind = container[key], draw(st.integers(0, 7))
     if kind == 0:
         container[key] = copy.deepcopy(draw(st.sampled_from(VALUES)))
     elif kind == 1:
         del container[key]
+    elif kind == 7:
+        container[key] = draw(trees())
     elif kind == 2 and isinstance(value, int | float):
         container[key] = value * draw(st.sampled_from(FACTORS))
     elif kind == 3 and isinstance(container, dict):

@@ -98,14 +98,6 @@ def test_mistakes(tmp_path: Path, root: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize(("name", "message"), [("none.yaml", "there is no such file"), (".", "is a folder")])
-def test_no_configuration(tmp_path: Path, name: str, message: str) -> None:
-    done = ran("check", tmp_path / name)
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"{tmp_path / name}: {message}; ")
-    assert done.stderr.count("\n") == 1
-
-
 # --- a wrong value is told once, and nothing that depends on it; design variables need no base value
 
 

@@ -12,9 +12,9 @@ from test_planetary_sets import TWO
 
 from gearstab.config import load
 from gearstab.floquet import solve
+from gearstab.info import label_text, meshes_text
 from gearstab.info import train as info_train
 from gearstab.info.configuration import describe
-from gearstab.info.tables import label_text, meshes_text
 from gearstab.modal import mean_modes
 from gearstab.systems import build
 from gearstab.systems.gearbox.train import Train

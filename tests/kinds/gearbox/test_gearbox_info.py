@@ -13,9 +13,9 @@ from scenes import scene_text
 from gearstab.config import load
 from gearstab.gears.geometry import Gear
 from gearstab.gears.pair import Pair
+from gearstab.info import plain
 from gearstab.info import train as info_train
 from gearstab.info.configuration import describe
-from gearstab.info.records import plain
 from gearstab.info.text import report
 from gearstab.systems.gearbox.feasibility import NOTICES
 

@@ -158,3 +158,13 @@ def documents(draw: st.DrawFn) -> Document:
     if commensurate:
         found["respond"] = {"mesh_frequency": start, "cycles": 3, "samples_per_cycle": 20, "initial": start_state}
     return found
+
+
+def trees() -> st.SearchStrategy[Any]:
+    """Any nested data that YAML can hold."""
+    characters = st.characters(codec="utf-8", exclude_characters="\0")
+    scalars = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(characters, max_size=8)
+    keys = st.text(characters, min_size=1, max_size=5)
+    return st.recursive(
+        scalars, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(keys, inner, max_size=3), max_leaves=8
+    )

@@ -10,7 +10,7 @@ from energy_pair_reference import REFERENCE, W0
 from scenes import opened, plain, ran, refused, scene_text, succeeds
 
 from gearstab.config import load
-from gearstab.config.document.problems import ConfigError
+from gearstab.config.document import ConfigError
 from gearstab.floquet import solve
 from gearstab.response.rotating_pair import STATUS, InitialState, respond
 from gearstab.response.rotating_pair.stability import stability
