@@ -165,12 +165,15 @@ struct level {
     int (*scan_damped)(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
                        double *growth, double *scale, double *multipliers);
     /* Multipliers at scattered periods of one row after the other, see spectra.h. new: NULL when there is no memory; row:
-       the longest window; window: interpolate within; at: points cycle = 1/omega (count,) -> angle, growth (count, n), size. */
+       the longest window; window: interpolate within; at: points cycle = 1/omega (count,) -> angle, growth (count, n), size;
+       below: points with lines (count,) of `room` angles each -> Morse indices below (count, room), see inertia.h. */
     void *(*spectra_new)(const struct conservative *pattern);
     void (*spectra_free)(void *spectra);
     double (*spectra_row)(void *spectra, int64_t row);
     void (*spectra_window)(void *spectra, double first, double last);
     void (*spectra_at)(void *spectra, int64_t count, const double *cycle, double *angle, double *growth, double *size);
+    void (*spectra_below)(void *spectra, int64_t count, int64_t room, const double *cycle, const int64_t *lines,
+                          const double *angle, int64_t *below);
     /* Points first..last-1, ordered by row: the shares of their unstable solutions. exact gives the matrices, coarse, of the same
        rows, the solutions in between; modes (r, D, n, n) of the coarse states in mean coordinates, turn (r, n, n) from
        the first modes of the exact to those of the coarse pattern. */

@@ -33,15 +33,16 @@ PRAGMA_TARGET(TARGET)
 #include "exponents.h"
 #include "lyapunov.h"
 #include "eigenvalues.h"
+#include "inertia.h"
 #include "spectra.h"
 #include "eigenvector.h"
 #include "actions.h"
 #include "symmetric.h"
 
 const struct level LEVEL = {LEVEL_NAME,   scan,         rates,       monodromy,      traces,     scan_damped,
-                            spectra_new,  spectra_free, spectra_row, spectra_window, spectra_at, shares,
-                            symmetric,    moduli,       products,    radii,          eigenvalues,  exponentials,
-                            exponents,    graded};
+                            spectra_new,  spectra_free, spectra_row, spectra_window, spectra_at, spectra_below,
+                            shares,       symmetric,    moduli,      products,       radii,      eigenvalues,
+                            exponentials, exponents,    graded};
 
 #if defined(TARGET) && defined(__clang__)
 #pragma clang attribute pop

@@ -177,7 +177,7 @@ def test_repeated_frequencies_are_solved_as_groups() -> None:
         assert 2 * growth == pytest.approx(found.half_width[k] * tongue.frequency_ratio, rel=1e-10)
 
 
-# --- names of regions by the compiled kernel (ckernel/boundaries/names.c) against every assignment of roots scored
+# --- names of regions by the compiled kernel (boundaries/naming/names.c) against every assignment of roots scored
 
 
 def regions(rng: np.random.Generator, frequency: np.ndarray, cycles: float, count: int) -> list[Unnamed]:

@@ -227,15 +227,21 @@ static double turned(const struct sample *s, int64_t n, int64_t index, double *p
     return sum;
 }
 
+/* The least N(0) of a point after another: the sum of all phases has not fallen. If that of the other is too low by 2k it is
+   too low by as much. */
+int64_t index_after(const struct sample *left, const struct sample *s, int64_t n, double *phase) {
+    double own = turned(s, n, 0, phase), low = turned(left, n, left->index, phase);
+    int64_t least = (int64_t)ceil((low - own) / PI - BLUR);
+    return least + ((least - parity_of(s, n)) & 1);
+}
+
 /* N(0) of a point between two others from the sum of all phases: on the circle each grows, and pairs off it add the same, whatever
    their angle. UNSETTLED if a turn more or less fits as well. phase: room for n numbers. */
 int64_t index_by_turns(const struct sample *left, const struct sample *right, const struct sample *s, int64_t n,
                        double *phase) {
-    double own = turned(s, n, 0, phase), low = turned(left, n, left->index, phase), high = turned(right, n, right->index, phase);
-    int64_t least = (int64_t)ceil((low - own) / PI - BLUR), most = (int64_t)floor((high - own) / PI + BLUR);
-    int64_t parity = parity_of(s, n);
-    least += (least - parity) & 1;
-    most -= (most - parity) & 1;
+    double own = turned(s, n, 0, phase), high = turned(right, n, right->index, phase);
+    int64_t least = index_after(left, s, n, phase), most = (int64_t)floor((high - own) / PI + BLUR);
+    most -= (most - parity_of(s, n)) & 1;
     return least == most ? least : UNSETTLED;
 }
 

@@ -5,144 +5,17 @@
    within the tolerance, or a collision that opens less than the floor. What a bracket holds is said by counts (brackets.c), where
    to look by interpolation (steps.c); only verdicts at points count. */
 
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
-#include "neighbour.h"
-#include "search.h"
-#include "window.h"
+#include "sparse.h"
 
 #define WINDOW 96         /* points of the scan in a window */
 #define COARSEST 6        /* points of a row that has hardly any collisions */
-#define APART 8           /* points of a scan from one direct count to the next, n/2 of large systems; 4 takes 10 % longer */
 #define SHORTER 2         /* binary digits by which the step to the second point shrinks with every attempt, see evaluate */
 #define PATIENCE 4        /* rounds of interpolation in which a bracket must halve */
-#define ATTEMPTS 4        /* points tried where signs are lost in rounding, before a bracket is left as it is */
 #define ACCURATE 0.1      /* part of the tolerance by which the curvature may move an edge that is taken */
 #define SMALL 0.26        /* of the spacing: brackets whose counts are unknown are taken at face value below */
-
-/* ---- points */
-
-/* Samples at the first `count` cycles of w->cycle, from number w->samples on; room_for_points was asked for. A step that meets
-   an event loses the signs. */
-static int evaluate(struct window *w, int count) {
-    if (gearstab_stopped())
-        return -1;
-    double *cycle = w->cycle, *later = cycle + count;
-    int64_t n = w->n;
-    while (w->blocks * BLOCK < w->samples + count)
-        if (block_new(w))
-            return -1;
-    for (int i = 0; i < count; i++)
-        later[i] = cycle[i] * (1.0 + w->step * w->shorter[i]);
-    w->order->level->spectra_at(w->spectra, 2 * count, cycle, w->angle, w->growth, w->size);
-    for (int i = 0; i < count; i++) {
-        struct sample *s = at(w, w->samples + i);
-        s->cycle = cycle[i];
-        sample_read(s, n, later[i] - cycle[i], w->angle + i * n, w->growth + i * n, w->size[i], w->angle + (count + i) * n,
-                    w->growth + (count + i) * n, w->items, w->position);
-    }
-    w->samples += count;
-    w->evaluations += count;
-    return 0;
-}
-
-/* Whether a point tells anything: an unstable one whose counts are unknown does. */
-static int usable(const struct sample *s) { return s->known || !s->stable; }
-
-/* N(0) along the period itself. N(pi) is a check of all signs. */
-static void count_directly(struct window *w, struct sample *s) {
-    int64_t at_minus_one;
-    gearstab_index_at(w->index, w->order->coarse, w->row, s->cycle, &s->index, &at_minus_one);
-    s->indexed = at_minus_one - s->index == signs_below(s, 4.0);
-    s->known = s->indexed;
-}
-
-static void count_between(struct window *w, struct sample *s, const struct sample *left, const struct sample *right) {
-    if (!s->known)
-        return;
-    int64_t index = UNSETTLED;
-    if (left->indexed && right->indexed) {
-        index = index_between(left, right, s, w->n);
-        index = index == UNSETTLED ? index_by_turns(left, right, s, w->n, w->phase) : index;
-    }
-    if (index == UNSETTLED) {
-        count_directly(w, s);
-        return;
-    }
-    s->index = index;
-    s->indexed = 1;
-}
-
-/* ---- the scan */
-
-/* Counts of the samples of a scan: directly at some of them, from monotony between. */
-static void count_scan(struct window *w, int first, int count) {
-    int apart = w->n > 2 * APART ? (int)(w->n / 2) : APART;
-    for (int i = 0; i < count; i++)
-        if (at(w, first + i)->known && (i % apart == 0 || i == count - 1))
-            count_directly(w, at(w, first + i));
-    for (int i = 1, before = 0; i < count; i++) {
-        struct sample *s = at(w, first + i);
-        if (s->known && !s->indexed) {
-            int after = i + 1;
-            while (after < count - 1 && !at(w, first + after)->indexed)
-                after++;
-            count_between(w, s, at(w, first + before), at(w, first + after));
-        }
-        before = s->indexed ? i : before;
-    }
-}
-
-/* Replace samples that tell nothing by neighbours of theirs. */
-static int repair_scan(struct window *w, int first, int count) {
-    for (int attempt = 1; attempt < ATTEMPTS; attempt++)
-        for (int i = 0; i < count; i++) {
-            struct sample *s = at(w, first + i);
-            if (usable(s))
-                continue;
-            int end = i == 0 || i == count - 1;
-            double nudge = end ? 1e-11 * s->cycle : 0.07 * (at(w, first + i + 1)->cycle - s->cycle);
-            w->shorter[0] = 1.0;
-            w->cycle[0] = s->cycle + (i == count - 1 ? -1 : 1) * attempt * nudge;
-            int kept = w->samples;
-            if (evaluate(w, 1))
-                return -1;
-            struct sample *again = at(w, kept), old = *s;
-            if (again->known)
-                count_directly(w, again);
-            *s = *again; /* each keeps its own room */
-            *again = old;
-            w->samples = kept;
-        }
-    return 0;
-}
-
-/* Points between two cycles and the brackets between them. */
-static int scan(struct window *w, double first, double last) {
-    w->samples = w->opens = 0;
-    int count = foresee(w, first, last);
-    if (count < 0 || room_for_brackets(w, count))
-        return -1;
-    for (int i = 0; i < count; i++)
-        w->shorter[i] = 1.0;
-    if (evaluate(w, count))
-        return -1;
-    count_scan(w, 0, count);
-    if (repair_scan(w, 0, count))
-        return -1;
-    for (int i = 0, before = -1; i < count; i++) {
-        if (!usable(at(w, i)))
-            continue;
-        if (before >= 0)
-            w->open[w->opens++] =
-                (struct bracket){before, i, 0, 0, 0, at(w, i)->cycle - at(w, before)->cycle};
-        before = i;
-    }
-    return 0;
-}
 
 /* ---- refinement */
 
@@ -309,11 +182,11 @@ static void note_end(struct window *w, const struct sample *s, int last, struct 
         collisions_of(s, w->n, last, w->phase, reach->passed[last]);
 }
 
-static const struct sample *outermost(const struct window *w, int count, int last) {
-    for (int i = 0; i < count; i++)
-        if (usable(at(w, last ? count - 1 - i : i)))
-            return at(w, last ? count - 1 - i : i);
-    return at(w, 0);
+static const struct sample *outermost(const struct window *w, int last) {
+    for (int i = 0; i < w->nodes; i++)
+        if (usable(node_at(w, last ? w->nodes - 1 - i : i)))
+            return node_at(w, last ? w->nodes - 1 - i : i);
+    return node_at(w, 0);
 }
 
 static int search_row(struct window *w, int64_t row, double start, double stop, struct reach *reach) {
@@ -326,17 +199,17 @@ static int search_row(struct window *w, int64_t row, double start, double stop, 
     w->spacing = (stop - start) / (ceil(expected) - 1.0);
     w->evaluations = 0;
     int64_t begin = w->edges;
+    int sparse = w->n >= SPARSE_FROM && w->order->gap >= w->order->floor; /* else all collisions are listed */
     for (double k = 0; k < windows; k++) {
         double first = k == 0 ? start : start + (stop - start) * (k / windows);
         double last = k == windows - 1 ? stop : start + (stop - start) * ((k + 1) / windows);
         if (isfinite(longest))
             w->order->level->spectra_window(w->spectra, first, last);
-        if (scan(w, first, last))
+        if (sparse ? scan_sparsely(w, first, last) : scan(w, first, last))
             return -1;
-        int scanned = w->samples;
         if (k == 0)
-            note_end(w, outermost(w, scanned, 0), 0, reach);
-        note_end(w, outermost(w, scanned, 1), 1, reach);
+            note_end(w, outermost(w, 0), 0, reach);
+        note_end(w, outermost(w, 1), 1, reach);
         if (refine(w))
             return -1;
     }

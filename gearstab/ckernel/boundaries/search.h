@@ -58,6 +58,7 @@ void sample_read(struct sample *sample, int64_t n, double step, const double *an
                  const double *later_angle, const double *later_growth, struct item *room, int *position);
 int64_t signs_below(const struct sample *sample, double angle);
 int64_t index_between(const struct sample *left, const struct sample *right, const struct sample *sample, int64_t n);
+int64_t index_after(const struct sample *left, const struct sample *s, int64_t n, double *phase);
 int64_t index_by_turns(const struct sample *left, const struct sample *right, const struct sample *sample, int64_t n,
                        double *phase);
 void collisions_of(const struct sample *sample, int64_t n, int met, double *phase, int64_t *of_place);

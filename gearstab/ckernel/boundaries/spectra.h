@@ -243,18 +243,24 @@ static void spectra_window(void *given, double first, double last) {
     panels->count = panels->panel[0].size > 0.0;
 }
 
+/* The monodromy matrix at LANES periods in balanced units, and the scale taken out of it; by how much its errors exceed those of a
+   propagated one. */
+INLINE vec balanced_matrix(struct spectra *s, vec period, vec *magnified) {
+    *magnified = all(1.0);
+    if (interpolate(&s->room.panels, s->row.n, period, s->room.x, magnified))
+        return all(0.0);
+    vec scale = propagate(&s->row, period, s->room.x, s->room.work);
+    rescale(s->unit, s->row.n, s->room.x);
+    return scale;
+}
+
 /* Points cycle (count,): angle and growth (count, n), and the largest entry of M, infinite where it is beyond all digits. */
 static void spectra_at(void *given, int64_t count, const double *cycle, double *angle, double *growth, double *size) {
     struct spectra *s = given;
     int64_t n = s->row.n;
     vec *x = s->room.x, *real = s->room.real, *imaginary = s->room.imaginary, *work = s->room.work;
     for (int64_t k = 0; k < count && !gearstab_stopped(); k += LANES) {
-        vec period = s->row.cycles * load_part(cycle, k, count), magnified = all(1.0);
-        vec scale = all(0.0);
-        if (!interpolate(&s->room.panels, n, period, x, &magnified)) {
-            scale = propagate(&s->row, period, x, work);
-            rescale(s->unit, n, x);
-        }
+        vec magnified, scale = balanced_matrix(s, s->row.cycles * load_part(cycle, k, count), &magnified);
         vec largest = magnified * larger(largest_entry(x, 4 * n * n), all(1.0));
         traces_of(x, n, real, imaginary, work);
         vec noise = NOISE * largest;
@@ -267,6 +273,33 @@ static void spectra_at(void *given, int64_t count, const double *cycle, double *
             }
         }
         store_part(size, k, count, choose(scale == 0.0, largest, all(INFINITY)));
+    }
+}
+
+/* Points cycle (count,), each with its lines (count,) of `room` angles: how many eigenvalues of S are negative there, below
+   (count, room), or -1 where that is not known, see inertia.h. */
+static void spectra_below(void *given, int64_t count, int64_t room, const double *cycle, const int64_t *lines,
+                          const double *angle, int64_t *below) {
+    struct spectra *s = given;
+    int64_t n = s->row.n;
+    vec *x = s->room.x, *form = s->room.work, *inverse = form + n * n;
+    for (int64_t k = 0; k < count && !gearstab_stopped(); k += LANES) {
+        vec magnified, scale = balanced_matrix(s, s->row.cycles * load_part(cycle, k, count), &magnified), size;
+        mask right = held_form(x, n, form, inverse) & (scale == 0.0);
+        int64_t most = 0;
+        for (int64_t lane = 0; lane < LANES && k + lane < count; lane++)
+            most = lines[k + lane] > most ? lines[k + lane] : most;
+        for (int64_t line = 0; line < most; line++) {
+            vec theta = all(0.0);
+            for (int64_t lane = 0; lane < LANES && k + lane < count; lane++)
+                theta[lane] = angle[(k + lane) * room + (line < lines[k + lane] ? line : 0)];
+            form_at(form, inverse, n, theta, x, x + n * n);
+            vec own = negative_of(x, x + n * n, n, &size);
+            own = choose(right & (size < GROWN), own, all(-1.0));
+            for (int64_t lane = 0; lane < LANES && k + lane < count; lane++)
+                if (line < lines[k + lane])
+                    below[(k + lane) * room + line] = (int64_t)own[lane];
+        }
     }
 }
 

@@ -5,7 +5,7 @@
 
 #include <stdlib.h>
 
-#include "search.h"
+#include "enclose.h"
 
 #define STEP 0x1p-24      /* to the second point that tells signs and speeds, relative; and not above this part of the floor: */
 #define STEP_OF_FLOOR 0x1p-4
@@ -33,6 +33,20 @@ struct guess {
     int age;
 };
 
+/* A point of the scan, whether nothing lies between it and the next; the stretches between the two, and their first. */
+struct node {
+    int sample, proved, stretches, stretch;
+    double cycle;
+};
+
+enum { ASKED = -1 }; /* sample of a node that is still to be evaluated */
+
+/* Where nothing is foreseen to happen, see enclose.c; how many lines tell whether that is so, and whether it is. */
+struct stretch {
+    double end[2];
+    int lines, proved;
+};
+
 /* The work on one window of a row. */
 struct window {
     const struct order *order;
@@ -55,6 +69,18 @@ struct window {
     struct guess *guess, *fresh; /* of the row before, by place; and of this one */
     int64_t guess_room;
     int guesses;
+    struct node *node, *fresh_node; /* by cycle */
+    int64_t node_room, fresh_room;
+    int nodes, fresh_nodes;
+    /* Of sparse scans: */
+    struct enclosing *enclosing;
+    struct stretch *stretch;
+    double *dense, *line; /* the points of a dense scan; of each stretch `line_room` angles, not all of which are used */
+    int64_t stretch_room, dense_room, line_held, line_room;
+    int denses, stretches;
+    double *end_cycle, *end_line; /* ends of stretches to look at, and what is found there */
+    int64_t *end_lines, *below;
+    int end_room;
 };
 
 static struct sample *at(const struct window *w, int i) { return &w->block[i / BLOCK]->sample[i % BLOCK]; }
@@ -115,6 +141,9 @@ static void window_free(struct window *w) {
     free(w->cycle), free(w->angle), free(w->growth), free(w->size), free(w->shorter);
     free(w->guess), free(w->fresh);
     free(w->items), free(w->position), free(w->phase);
+    free(w->node), free(w->fresh_node), free(w->stretch), free(w->dense), free(w->line);
+    free(w->end_cycle), free(w->end_line), free(w->end_lines), free(w->below);
+    enclosing_free(w->enclosing);
     gearstab_index_free(w->index);
     w->order->level->spectra_free(w->spectra);
 }
@@ -128,7 +157,9 @@ static int window_new(struct window *w, const struct order *order) {
     w->items = malloc(2 * (size_t)w->n * sizeof *w->items);
     w->position = malloc((size_t)w->n * sizeof *w->position);
     w->phase = malloc((size_t)w->n * sizeof *w->phase);
-    return w->spectra && w->index && w->items && w->position && w->phase ? 0 : -1;
+    w->line_room = w->n + 3;
+    w->enclosing = enclosing_new(w->n, order->floor);
+    return w->spectra && w->index && w->items && w->position && w->phase && w->enclosing ? 0 : -1;
 }
 
 static int room_for_points(struct window *w, int count) {
@@ -143,6 +174,20 @@ static int room_for_points(struct window *w, int count) {
     w->shorter = malloc(room * sizeof(double));
     w->point_room = w->cycle && w->angle && w->growth && w->size && w->shorter ? (int)room : 0;
     return w->point_room ? 0 : -1;
+}
+
+/* With two more sets of numbers, for points whose multipliers are known. */
+static int room_for_ends(struct window *w, int count) {
+    if (count <= w->end_room)
+        return 0;
+    size_t room = (size_t)count + 64, lines = (size_t)w->line_room;
+    free(w->end_cycle), free(w->end_line), free(w->end_lines), free(w->below);
+    w->end_cycle = malloc(room * sizeof(double));
+    w->end_line = malloc(room * lines * sizeof(double));
+    w->end_lines = malloc(room * sizeof(int64_t));
+    w->below = malloc((room + 2) * lines * sizeof(int64_t));
+    w->end_room = w->end_cycle && w->end_line && w->end_lines && w->below ? (int)room : 0;
+    return w->end_room ? 0 : -1;
 }
 
 static int room_for_brackets(struct window *w, int count) {

@@ -123,7 +123,7 @@ static PyObject *py_paths(PyObject *self, PyObject *unused) {
 #define DECLARED(name) PyObject *py_##name(PyObject *self, PyObject *arguments);
 DECLARED(scan) DECLARED(rates) DECLARED(monodromy) DECLARED(traces) DECLARED(scan_damped) DECLARED(moduli)
 DECLARED(products) DECLARED(radii) DECLARED(exponents) DECLARED(names) DECLARED(follow) DECLARED(sampled)
-DECLARED(extremes) DECLARED(edges) DECLARED(shares)
+DECLARED(extremes) DECLARED(edges) DECLARED(shares) DECLARED(below)
 
 static PyMethodDef METHODS[] = {
 #ifdef GEARSTAB_COUNT_PATHS
@@ -147,6 +147,9 @@ static PyMethodDef METHODS[] = {
     {"traces", py_traces, METH_VARARGS,
      "traces(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, bound, "
      "omega, rho)"},
+    {"below", py_below, METH_VARARGS,
+     "below(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, lines, "
+     "cycle, angle, below)"},
     {"scan_damped", py_scan_damped, METH_VARARGS,
      "scan_damped(level, (rows, segments, states, changes, m, terms, cycles), *pattern, first, last, points, omega, growth, "
      "scale, multipliers=, limits=)"},

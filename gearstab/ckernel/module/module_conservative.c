@@ -34,6 +34,24 @@ FUNCTION(rates, CONSERVATIVE ":rpw[d*][dr][dr][ir]<w[Bpw][Dpw]") {
     return failed;
 }
 
+FUNCTION(below, CONSERVATIVE ":rpl[drp][drpl][Irpl]") {
+    struct conservative pattern = conservative(c);
+    int64_t points = c->n['p'], room = c->n['l'];
+    int64_t *lines = malloc((size_t)points * sizeof *lines + 1);
+    void *spectra = c->level->spectra_new(&pattern);
+    for (int64_t k = 0; lines && k < points; k++)
+        lines[k] = room;
+    for (int64_t row = c->first; spectra && lines && row < c->last; row++) {
+        c->level->spectra_row(spectra, row);
+        c->level->spectra_below(spectra, points, room, (double *)array(c, 4) + row * points, lines,
+                                (double *)array(c, 5) + row * points * room, (int64_t *)array(c, 6) + row * points * room);
+    }
+    int failed = !spectra || !lines;
+    c->level->spectra_free(spectra);
+    free(lines);
+    return failed;
+}
+
 FUNCTION(edges, CONSERVATIVE COARSE ":r....[dr][dr]") {
     struct conservative pattern = conservative(c), rough = coarse(c);
     struct order order = {.level = c->level, .exact = &pattern, .coarse = &rough, .tolerance = c->real[6],

@@ -56,7 +56,8 @@ over the jumps inside the period, w and t belong to the segment that follows, an
 Source for N(theta) as index of a periodic problem: Bott 1956 (Comm. Pure Appl. Math. 9, 171-206); Long 2002, Index
 Theory for Symplectic Paths.
 
-The search is compiled (ckernel/boundaries): index.c has the index, letters.c and brackets.c the counts.
+The search is compiled (ckernel/boundaries): index.c has the index, letters.c and brackets.c the counts;
+enclosing/enclose.c finds stretches without any collision from a few N(theta).
 """
 
 from __future__ import annotations
