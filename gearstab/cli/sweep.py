@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -98,8 +99,6 @@ def command(
 
 def judge(target: Path, conditions: list[Condition], as_json: bool) -> None:
     """Print the outcome of a result if asked for, and exit with CONDITION_MET if it meets one of the conditions."""
-    import json
-
     from gearstab.info import outcome
     from gearstab.results.read import reading
 
