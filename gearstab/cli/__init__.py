@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 import click
 
-from gearstab.cli.terminal import tell
+from gearstab.cli.terminal import tell, user_errors
 from gearstab.errors import INTERRUPTED
 from gearstab.version import full_version
 
@@ -72,8 +72,6 @@ class LazyGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; mistakes of the user are a line each, whatever part of the command finds them."""
-        from gearstab.cli.terminal import user_errors
-
         with user_errors():
             return super().invoke(ctx)
 

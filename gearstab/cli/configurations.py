@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,9 +93,7 @@ def summary(config: Config) -> str:
     parts = [f"valid {config.kind}"]
     if config.axes:
         shape = " x ".join(f"{axis.name} ({axis.size})" for axis in config.axes)
-        points = 1
-        for axis in config.axes:
-            points *= axis.size
+        points = prod(axis.size for axis in config.axes)
         parts.append(f"{shape} = {points:,} point{'s' * (points != 1)}")
     if config.methods.chosen:
         parts.append(f"methods {', '.join(config.methods.chosen)}")
@@ -135,8 +134,6 @@ def init_command(kind: str | None) -> None:
 @click.command(name="schema", short_help="Print the JSON schema of the configuration.")
 def schema() -> None:
     """Print the JSON schema of the configuration, for completion and checks in an editor."""
-    import json
-
     from gearstab.config.schema import schema as of_configurations
 
     say(json.dumps(of_configurations(), indent=2, ensure_ascii=False))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gearstab.cli.terminal import tell
+from gearstab.cli.terminal import is_quiet, note, tell
 from gearstab.sweep import Reporter
 
 if TYPE_CHECKING:
@@ -86,20 +86,16 @@ def teeth(plan: Plan) -> list[str]:
 
 
 class Messages(Reporter):
-    """Messages alone; none of them if ``quiet``."""
-
-    def __init__(self, quiet: bool = False) -> None:
-        self.quiet = quiet
+    """Messages alone; none of them if the command is quiet."""
 
     def message(self, text: str) -> None:
-        if not self.quiet:
-            tell(text)
+        note(text)
 
 
-def reporter(quiet: bool) -> Reporter:
-    """A bar if someone can see it."""
-    if quiet or not sys.stderr.isatty():
-        return Messages(quiet)
+def reporter() -> Reporter:
+    """Return a bar if someone can see it."""
+    if is_quiet() or not sys.stderr.isatty():
+        return Messages()
     from gearstab.sweep.progress import Bar
 
     return Bar(tell)

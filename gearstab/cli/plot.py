@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from gearstab.cli import terminal
-from gearstab.cli.terminal import tell
+from gearstab.cli.terminal import note
 from gearstab.plots import KINDS
 
 KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items())
@@ -42,7 +42,7 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 def command(
     result: Path, output: Path | None, kind: str | None, x: str | None, y: str | None, select: tuple[str, ...],
     unit: tuple[str, ...], variable: str | None, mark: tuple[str, ...], level: tuple[float, ...], title: str | None,
-    no_title: bool, size: str | None, dpi: int | None, quiet: bool, style: str,
+    no_title: bool, size: str | None, dpi: int | None, style: str,
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
     from gearstab.errors import PlotError
@@ -67,17 +67,14 @@ def command(
             raise PlotError("a page shows the map of growth rates alone: leave --kind, --variable and --mark out")
         with reading(result) as tree:
             save_page(tree, request, target, title or title_of(tree))
-        if not quiet:
-            tell(f"page: {target}")
+        note(f"page: {target}")
         return
     with reading(result) as tree:
         figure, artists = draw(tree, kind, request)
         save(figure, target, title_of(tree), style)
-    if quiet:
-        return
-    tell(f"figure: {target}")
-    for note in [*artists["nearest"], *([artists["left_out"]] if artists.get("left_out") else [])]:
-        tell(f"note: {note}")
+    note(f"figure: {target}")
+    for text in [*artists["nearest"], *([artists["left_out"]] if artists.get("left_out") else [])]:
+        note(f"note: {text}")
 
 
 def points(texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:

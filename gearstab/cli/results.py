@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gearstab.cli import terminal
-from gearstab.cli.terminal import StandardOutput, say, tell, warn
+from gearstab.cli.terminal import StandardOutput, note, say, tell, warn
 from gearstab.errors import FAILED, ResultError
 
 if TYPE_CHECKING:
@@ -143,8 +143,7 @@ def _listed(names: list[str]) -> str:
 @terminal.unit
 @terminal.quiet
 def export_command(
-    result: Path, output: Path, group: str | None, over: str | None, select: tuple[str, ...], unit: tuple[str, ...],
-    quiet: bool,
+    result: Path, output: Path, group: str | None, over: str | None, select: tuple[str, ...], unit: tuple[str, ...]
 ) -> None:  # fmt: skip
     """Write the file RESULT as tidy CSV: one row per grid point, one column per axis or variable.
 
@@ -154,19 +153,17 @@ def export_command(
 
     out = None if str(output) == "-" else output
     rows, notes = export(result, out, StandardOutput(), group, over, terminal.selections(select), unit)
-    if quiet:
-        return
     if out is not None:
-        tell(f"{out}: {rows:,} rows")
-    for note in notes:
-        tell(f"note: {note}")
+        note(f"{out}: {rows:,} rows")
+    for text in notes:
+        note(f"note: {text}")
 
 
 @click.command(name="verify", short_help="Prove the certificates of a result again.")
 @click.argument("result", type=terminal.FILE)
 @click.option("-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes.")
 @terminal.quiet
-def verify_command(result: Path, jobs: int, quiet: bool) -> None:
+def verify_command(result: Path, jobs: int) -> None:
     """Prove the certificates of the file RESULT in ball arithmetic, from its configuration alone.
 
     Exit code 0: every one is a theorem; 1: some are not, each is named. An interrupted run goes on where it was.
@@ -177,7 +174,7 @@ def verify_command(result: Path, jobs: int, quiet: bool) -> None:
         raise click.UsageError("verify needs python-flint; install it: pip install 'gearstab[verify]'")
     from gearstab.sweep.certificates import verify
 
-    rows = verify(result, jobs, reporter(quiet))
+    rows = verify(result, jobs, reporter())
     for row in rows:
         place = "".join(f"{name} {value}: " for name, value in row.place.items())
         for piece in row.refused:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gearstab.cli import terminal
-from gearstab.cli.terminal import say, tell, warn
+from gearstab.cli.terminal import is_quiet, note, say, warn
 
 if TYPE_CHECKING:
     from gearstab.bench import Scene
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @terminal.output("Result file [default: results/NAME.response.h5].")
 @terminal.overrides
 @terminal.quiet
-def respond_command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet: bool) -> None:
+def respond_command(config: Path, output: Path | None, overrides: tuple[str, ...]) -> None:
     """Compute the response that the section `respond` of CONFIG describes and write it to a file."""
     from gearstab.config import load
     from gearstab.response.command import respond
@@ -35,11 +35,9 @@ def respond_command(config: Path, output: Path | None, overrides: tuple[str, ...
     result_of(RESPOND).refuse(out, config)
     loaded = load(config, overrides, needs=("respond",))
     prepare(out)
-    if not quiet:
-        warn(loaded)
-    found = respond(loaded, out, None if quiet else lambda text: tell(f"note: {text}"))
-    if not quiet:
-        tell(summary(found, out))
+    warn(loaded)
+    found = respond(loaded, out, None if is_quiet() else lambda text: note(f"note: {text}"))
+    note(summary(found, out))
 
 
 def summary(found: Response | RampResponse | PairResponse, out: Path) -> str:
@@ -140,7 +138,7 @@ def pair_summary(found: PairResponse, out: Path) -> str:
 @terminal.output("Result file [default: results/NAME.design.h5].")
 @terminal.overrides
 @terminal.quiet
-def design_command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet: bool) -> None:
+def design_command(config: Path, output: Path | None, overrides: tuple[str, ...]) -> None:
     """Find the best values of the variables in the section `design` of CONFIG and write them to a file.
 
     Prints the answer in some ten lines.
@@ -156,13 +154,11 @@ def design_command(config: Path, output: Path | None, overrides: tuple[str, ...]
     loaded = load(config, overrides, needs=("design",))
     check(loaded)
     prepare(out)
-    if not quiet:
-        warn(loaded)
-    found = design(loaded, (lambda text: None) if quiet else (lambda text: tell(f"design: {text}")))
+    warn(loaded)
+    found = design(loaded, lambda text: note(f"design: {text}"))
     write_result(out, found)
     say(str(found.groups["design"].attributes["answer"]))
-    if not quiet:
-        tell(f"design: {out}")
+    note(f"design: {out}")
 
 
 @click.command(name="bench")
@@ -174,14 +170,8 @@ def design_command(config: Path, output: Path | None, overrides: tuple[str, ...]
 @click.option("--no-plot", is_flag=True, help="Do not draw the work-precision diagram.")
 @terminal.quiet
 def bench_command(
-    config: Path,
-    output: Path | None,
-    overrides: tuple[str, ...],
-    points: int,
-    seconds: float,
-    no_plot: bool,
-    quiet: bool,
-) -> None:
+    config: Path, output: Path | None, overrides: tuple[str, ...], points: int, seconds: float, no_plot: bool
+) -> None:  # fmt: skip
     """Compare speed and true error of the methods on the base system of CONFIG.
 
     The reference is computed in high precision at points spread over the mesh frequencies of CONFIG. Prints a table,
@@ -208,7 +198,7 @@ def bench_command(
     from gearstab.results.provenance import modes_group, root_attributes
     from gearstab.results.read import BENCH
 
-    found = measure(scene, points, seconds, lambda text: None if quiet else tell(f"measuring: {text}"))
+    found = measure(scene, points, seconds, lambda text: note(f"measuring: {text}"))
     say(table(found, points))
     if loaded.methods.branches is not None:
         from gearstab.bench.costs import branch_cost
@@ -217,10 +207,9 @@ def bench_command(
         say(branch_cost(system, scene.start, scene.stop, cycles=cycles).text(cycles))
     groups = {"modes": modes_group(system), "bench": bench_group(scene, points, found)}
     write_result(target, ResultTree(Group((), root_attributes(BENCH, loaded)), groups))
-    if not quiet:
-        tell(f"written: {target}")
+    note(f"written: {target}")
     if not no_plot:
-        _draw(target, quiet)
+        _draw(target)
 
 
 def _guard(config: Path, target: Path, plot: bool) -> None:
@@ -262,7 +251,7 @@ def _scene(loaded: Config, system: GearSystem) -> Scene:
     return Scene(system if system.rotations else without_rigid_modes(system), min(values), max(values))
 
 
-def _draw(target: Path, quiet: bool) -> None:
+def _draw(target: Path) -> None:
     from gearstab.plots import draw
     from gearstab.plots.drawing.style import save
     from gearstab.results.read import reading
@@ -271,5 +260,4 @@ def _draw(target: Path, quiet: bool) -> None:
     with reading(target) as tree:
         figure, _ = draw(tree, "work-precision")
         save(figure, picture, title=str(tree.attrs["title"]))
-    if not quiet:
-        tell(f"drawn: {picture}")
+    note(f"drawn: {picture}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gearstab.cli import terminal
-from gearstab.cli.terminal import say, tell, warn
+from gearstab.cli.terminal import note, say, tell, warn
 from gearstab.errors import CONDITION_MET
 
 if TYPE_CHECKING:
@@ -51,20 +52,10 @@ if TYPE_CHECKING:
 @click.option("--yes", is_flag=True, help="Begin a sweep of very many points, hours or gigabytes, too.")
 @terminal.quiet
 def command(
-    config: Path,
-    output: Path | None,
-    jobs: int | None,
-    overrides: tuple[str, ...],
-    resume: bool | None,
-    extend: Path | None,
-    keep_going: bool | None,
-    scheduler: str | None,
-    dry_run: bool,
-    as_json: bool,
-    limits_of: tuple[str, ...],
-    yes: bool,
-    quiet: bool,
-) -> None:
+    config: Path, output: Path | None, jobs: int | None, overrides: tuple[str, ...], resume: bool | None,
+    extend: Path | None, keep_going: bool | None, scheduler: str | None, dry_run: bool, as_json: bool,
+    limits_of: tuple[str, ...], yes: bool,
+) -> None:  # fmt: skip
     """Compute stability over the grid of CONFIG with all its methods.
 
     Exit code 3: the result is written, and a condition of --fail-if is met.
@@ -82,35 +73,31 @@ def command(
     result_of(SWEEP).refuse(target, config)
     planned = plan(load(config, overrides, needs=("sweep", "methods")))
     outcome.refuse(config, conditions, [own.name for layout in planned.layouts for own in layout.method.variables()])
-    if not quiet:
-        warn(planned.config)
-        for note in filter(None, (layout.method.note() for layout in planned.layouts)):
-            tell(f"note: {note}")
+    warn(planned.config)
+    for text in filter(None, (layout.method.note() for layout in planned.layouts)):
+        note(f"note: {text}")
     if dry_run:
         say(forecast(planned, estimate(planned, jobs), target))
         return
-    told = messages.reporter(quiet)
+    told = messages.reporter()
     wanted = planned if extend is None else grown(planned, extend, told)
     found = refuse(planned, target, jobs, yes)
     failures = {None: MOST_FAILURES, True: None, False: 1}[keep_going]
     summary = run(wanted, target, jobs, resume is True, resume is False, told, failures, scheduler, found)
-    if not quiet:
-        tell(final_line(target, summary, time.perf_counter() - start))
-        for line in messages.searched(summary.searches):
-            tell(line)
-        if summary.certified is not None:
-            part = messages.percent(summary.certified)
-            tell(f"certificates: {part} of the mesh frequencies; gearstab verify proves them")
-        for note in [] if summary.complete else messages.notes(planned, summary):
-            tell(f"note: {note}")
+    note(final_line(target, summary, time.perf_counter() - start))
+    for line in messages.searched(summary.searches):
+        note(line)
+    if summary.certified is not None:
+        part = messages.percent(summary.certified)
+        note(f"certificates: {part} of the mesh frequencies; gearstab verify proves them")
+    for text in [] if summary.complete else messages.notes(planned, summary):
+        note(f"note: {text}")
     if as_json or conditions:
         judge(target, conditions, as_json)
 
 
 def judge(target: Path, conditions: list[Condition], as_json: bool) -> None:
     """Print the outcome of a result if asked for, and exit with CONDITION_MET if it meets one of the conditions."""
-    import json
-
     from gearstab.info import outcome
     from gearstab.results.read import reading
 

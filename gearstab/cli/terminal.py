@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from gearstab.config import Config
 
 STANDARD_OUTPUT = "standard output"
+QUIET = "gearstab.quiet"
+"""Key of the context of a command under which it stands whether messages are wanted."""
 
 
 def say(text: str) -> None:
@@ -38,6 +40,18 @@ def tell(text: str) -> None:
     """Print a message for the user; one that cannot be written, to a terminal that was closed, ends nothing."""
     with suppress(OSError):
         click.echo(text, err=True)
+
+
+def note(text: str) -> None:
+    """Print a message that ``--quiet`` leaves out."""
+    if not is_quiet():
+        tell(text)
+
+
+def is_quiet() -> bool:
+    """Return whether the command that runs was called with ``--quiet``."""
+    context = click.get_current_context(silent=True)
+    return context is not None and bool(context.meta.get(QUIET))
 
 
 def lost(error: OSError) -> NoReturn:
@@ -122,7 +136,7 @@ def _shortage(error: BaseException | None) -> BaseException | None:
 def warn(config: Config) -> None:
     """Print what is hardly meant in a configuration on standard error."""
     for doubt in config.doubts:
-        tell(f"warning: {doubt}")
+        note(f"warning: {doubt}")
 
 
 FILE = click.Path(path_type=Path)
@@ -133,7 +147,10 @@ overrides = click.option(
     "--set", "overrides", metavar="PATH=VALUE", multiple=True,
     help="Replace a value of CONFIG for this run; repeatable.",
 )  # fmt: skip
-quiet = click.option("-q", "--quiet", is_flag=True, help="No messages but errors.")
+quiet = click.option(
+    "-q", "--quiet", is_flag=True, expose_value=False, help="No messages but errors.",
+    callback=lambda context, _, value: context.meta.update({QUIET: value}),
+)  # fmt: skip
 
 
 def output(text: str) -> Callable[[FC], FC]:

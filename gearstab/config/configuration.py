@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearstab.config.document import Code, Path, Problem
+from gearstab.config.document.yaml import write
 from gearstab.config.model import Array, Grid
 
 if TYPE_CHECKING:
@@ -64,8 +65,6 @@ class Config(Grid["System"]):
     @cached_property
     def resolved(self) -> str:
         """The configuration as run, as YAML: overrides applied, defaults filled in, SI numbers."""
-        from gearstab.config.document.yaml import write
-
         return write(self.tree)
 
     @cached_property

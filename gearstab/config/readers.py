@@ -27,6 +27,7 @@ from gearstab.config.sections.sweep import Context
 from gearstab.methods import METHODS, POINTS, RANGE, OptionError
 from gearstab.methods import chosen as chosen_methods
 from gearstab.system import GearSystem
+from gearstab.systems import KINDS
 from gearstab.systems.base import System
 
 if TYPE_CHECKING:
@@ -56,8 +57,6 @@ class SystemSections:
 
 def _find_model(document: Document) -> type[System] | None:
     """Return the model of ``system.kind``; None after reporting that there is none."""
-    from gearstab.systems import KINDS
-
     if "system" not in document.data:
         return None
     system = document.data["system"]

@@ -129,8 +129,8 @@ def _loosen(definition: dict[str, Any], model: type[BaseModel]) -> None:
 FIRST_METHODS: dict[str, Any] = {"floquet": {}, "boundaries": {}, "perturbation": {"harmonics": 2}}
 """Methods of a configuration to start from."""
 
-COLUMN, WIDTH = 46, 150
-"""Column at which comments begin, and preferred length of lines."""
+COLUMN = 46
+"""Column at which comments begin."""
 
 
 def starts() -> dict[str, Start]:

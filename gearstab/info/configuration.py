@@ -131,7 +131,6 @@ def _modes(system: GearSystem) -> dict[str, Any]:
 
 def _reductions(system: GearSystem) -> dict[str, Any]:
     """How exact Floquet analysis takes the system apart."""
-
     found = reduction(system)
     blocks = [{name: list(v) if isinstance(v, tuple) else v for name, v in asdict(p).items()} for p in found.parts]
     return {
@@ -168,7 +167,6 @@ def _existence(system: GearSystem, found: dict[str, Any]) -> dict[str, Any]:
 
 def _tongues(system: GearSystem, order_of_theory: int, harmonics: int) -> dict[str, Any]:
     """The tongues, and the numbers of the modes that grow by themselves."""
-
     tongues = (first_order if order_of_theory == 1 else second_order)(system, harmonics)
     second, status = tongues.boundary_error is not None, np.asarray(tongues.status)
     overlap = overlapping(tongues)

@@ -28,7 +28,6 @@ def jumps(tree: xr.DataTree) -> list[dict[str, Any]]:
     value: of the axis along which motions were followed, as it is shown, an input speed in rpm. before, after: root
     mean squares of the transmission error, of the mesh where it changes most; after is None where that is not known.
     """
-
     data = branches_of(tree)
     own = "branch_value" in data
     axis = tree[str(data.attrs["over"])] if own else next(tree[name] for name in SPEEDS if name in tree.coords)

@@ -117,8 +117,6 @@ def rotation_facts(system: GearSystem, ends: list[float] | None) -> dict[str, An
 
     None where no speed of rotation follows the mesh frequency, or no range is known.
     """
-    import numpy as np
-
     ratios = [abs(float(rotation.speed_ratio)) for rotation in system.rotations if rotation.speed_ratio is not None]
     if not ratios or ends is None:
         return None

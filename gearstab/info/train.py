@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
     """All that is said of a train, as plain numbers, texts and lists; None for other kinds of systems."""
-
     train = config.system.train()
     if train is None:
         return None
@@ -308,7 +307,6 @@ def _told(item: dict[str, Any]) -> str:
 
 def modes(facts: dict[str, Any]) -> str:
     """The modes with the shares of their strain energy."""
-
     # Beside another unit, that of the field.
     hertz = scale(facts["unit"], "rad/s") / (2 * pi) if facts["unit"] != "Hz" else None
     names = [mesh["name"] for mesh in facts["meshes"]]

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scenes import code, opened, scene_text
 
+from gearstab.cli import messages
 from gearstab.cli.messages import Messages, reporter
 from gearstab.cli.terminal import tell
 from gearstab.results import open_result
@@ -120,11 +121,11 @@ def test_a_configuration_without_sweep_cannot_be_swept(folder: Path, capsys: pyt
 
 def test_a_bar_is_drawn_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    assert isinstance(reporter(False), Messages)
-    assert not isinstance(reporter(False), Bar)
+    assert isinstance(reporter(), Messages)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    assert isinstance(reporter(False), Bar)
-    assert not isinstance(reporter(True), Bar)
+    assert isinstance(reporter(), Bar)
+    monkeypatch.setattr(messages, "is_quiet", lambda: True)
+    assert isinstance(reporter(), Messages)
 
 
 def test_the_bar_counts(capsys: pytest.CaptureFixture[str]) -> None:

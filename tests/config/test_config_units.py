@@ -11,9 +11,9 @@ import h5py
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import CONFIGS, read, scene_text, succeeds, table, written
+from scenes import CONFIGS, problems, read, scene_text, succeeds, table, written
 
-from gearstab.config import ConfigError
+from gearstab.config import Problem
 from gearstab.config.model.units import KNOWN, UnitError, hint_of, scale, to_si
 from gearstab.results.display import unit_of
 from gearstab.systems import build
@@ -22,11 +22,9 @@ MIXED = scene_text("config_units_mixed")
 PLANETARY = scene_text("config_units_planetary")
 
 
-def first_problem(folder: Path, text: str, *overrides: str):
-    with pytest.raises(ConfigError) as caught:
-        read(folder, text, *overrides)
-    assert len(caught.value.problems) == 1, caught.value
-    return caught.value.problems[0]
+def first_problem(folder: Path, text: str, *overrides: str) -> Problem:
+    (found,) = problems(folder, text, *overrides)
+    return found
 
 
 READINGS = [

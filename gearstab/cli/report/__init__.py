@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from gearstab.cli import terminal
-from gearstab.cli.terminal import tell, warn
+from gearstab.cli.terminal import is_quiet, note, warn
 
 ENDINGS = (".html", ".pdf")
 
@@ -21,7 +21,7 @@ ENDINGS = (".html", ".pdf")
 @terminal.overrides
 @terminal.unit
 @terminal.quiet
-def command(config: Path, output: Path, overrides: tuple[str, ...], unit: tuple[str, ...], quiet: bool) -> None:
+def command(config: Path, output: Path, overrides: tuple[str, ...], unit: tuple[str, ...]) -> None:
     """Write a page on the instability of CONFIG over its operating range: what it is, what closes it, how sure that is.
 
     The range is that of the section `design`, whose best design is searched and proposed, else that of the sweep.
@@ -40,22 +40,20 @@ def command(config: Path, output: Path, overrides: tuple[str, ...], unit: tuple[
     content = Content("a report", "/".join(ENDINGS), no_report, others, streams=False)
     content.refuse(output, config)
     loaded = load(config, overrides)
-    if not quiet:
-        warn(loaded)
-    with shown(quiet) as step:
+    warn(loaded)
+    with shown() as step:
         found = page(loaded, step, *unit[-1:])
     write_bytes(output, memoryview((html if ending == ".html" else pdf)(found)), content.refuse)
-    if not quiet:
-        tell(f"report: {output}")
+    note(f"report: {output}")
 
 
 @contextmanager
-def shown(quiet: bool) -> Iterator[Callable[[str], None]]:
+def shown() -> Iterator[Callable[[str], None]]:
     """Give the function that shows which step begins: on a bar where standard error is a terminal, else nowhere."""
     from gearstab.cli.report.content import STEPS
     from gearstab.sweep.progress import bar
 
-    with bar(disable=quiet or not sys.stderr.isatty()) as progress:
+    with bar(disable=is_quiet() or not sys.stderr.isatty()) as progress:
         task = progress.add_task("report", total=len(STEPS), speed="", unstable="")
 
         def step(text: str) -> None:

@@ -92,7 +92,6 @@ def _solution(config: Config, say: Callable[[str], None]) -> Solution | None:
 
 def _states(config: Config, solution: Solution | None) -> list[State]:
     """The given design and, where one was searched, the proposed one."""
-
     if solution is None:
         system = config.system.build()
         if refused := unsupported(system, {Feature.PERIODIC_TERMS} | WHIRLING):

@@ -254,7 +254,7 @@ def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
     ends = np.stack([[[s.low, s.high] for s in state.spans] for state in states], axis=-1)
     data = xr.Dataset(
         {
-            "speed_growth_rate": (("speed", "state"), rates, {"units": _unit(states[0].system, "1/s")}),
+            "speed_growth_rate": (("speed", "state"), rates, {"units": unit_of(states[0].system, "1/s")}),
             "region_frequency": (("tongue", "side", "state"), edges / shown.scale),
             "range_frequency": (("operating_range", "side", "state"), ends / shown.scale),
         },
@@ -265,10 +265,6 @@ def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
         },
     )  # fmt: skip
     return xr.DataTree.from_dict({"design": data})
-
-
-def _unit(system: GearSystem, unit: str) -> str:
-    return unit_of(system, unit)
 
 
 def probability(config: Config, state: State) -> tuple[float, float, float, float] | None:

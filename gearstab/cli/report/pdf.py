@@ -39,7 +39,6 @@ RESOLUTION = 300
 
 def pdf(page: Page) -> bytes:
     """Return the file."""
-
     data = io.BytesIO()
     with style(), PdfPages(data, metadata=metadata(".pdf", page.title)) as file:
         for sheet in sheets(page):
@@ -98,7 +97,6 @@ class _Paper:
 
     def picture(self, figure: Figure, caption: str) -> None:
         """Show a figure, no larger than it is, over its caption."""
-
         data = io.BytesIO()
         figure.savefig(data, format="png", dpi=RESOLUTION, metadata=metadata(".png", caption))
         data.seek(0)

@@ -10,6 +10,7 @@ import re
 import stat
 import subprocess
 import sys
+import zipfile
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
@@ -90,8 +91,6 @@ def _broken(error: Exception) -> DataFileError:
 
 
 def _npz(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
-    import zipfile
-
     found: dict[str, Any] = {}
     with zipfile.ZipFile(path) as archive:
         for member in archive.namelist():

@@ -6,8 +6,12 @@ the rule (:class:`SkipRule`): that it is wrong is reported by itself, and nothin
 
 from __future__ import annotations
 
+import ast
+import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
+from itertools import pairwise
+from textwrap import dedent
 from types import NoneType, UnionType
 from typing import Annotated, Any, NoReturn, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -109,11 +113,6 @@ def descriptions(model: type[BaseModel]) -> dict[str, str]:
 
     Sources are parsed when they are asked for, which is for messages and the schema only.
     """
-    import ast
-    import inspect
-    from itertools import pairwise
-    from textwrap import dedent
-
     found: dict[str, str] = {}
     for part in reversed(model.__mro__):
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
@@ -14,7 +14,7 @@ from gearstab.config.model import SPEEDS, Axis
 from gearstab.config.model.conflicts import report_detail
 from gearstab.config.model.fields import NUMBER, PAIR, Quantity, closed
 from gearstab.config.model.reading import quantity
-from gearstab.config.sections import INPUT_SPEED, design_variables
+from gearstab.config.sections import INPUT_SPEED, Target, design_variables
 from gearstab.config.sections.expansion import UnresolvedAxis, build, expand_list
 from gearstab.config.sections.sweep import Context
 
@@ -359,8 +359,3 @@ def json_schema() -> dict[str, Any]:
         description="What gearstab design may change, and what for.",
         required=["range", "variables", "minimise"],
     )
-
-
-if TYPE_CHECKING:
-    from gearstab.config.sections import Target
-    from gearstab.config.sections.sweep import Context

@@ -16,6 +16,7 @@ from gearstab.config.model.reading import WRONG, SkipRule, as_far_as_right
 from gearstab.config.sections import INPUT_SPEED, Target, TargetError, resolve
 from gearstab.config.sections.expansion import Column, Range, Tie, UnresolvedAxis
 from gearstab.methods import METHODS
+from gearstab.results.variables.responses import taken_names
 from gearstab.systems.base import System
 
 BaseValue = tuple[Path, Any, Where]
@@ -98,8 +99,6 @@ def _report_teeth(document: Document, found: list[UnresolvedAxis]) -> None:
 
 def _named_freely(context: Context, name: str, path: Path) -> None:
     """Report a name that HDF5 cannot hold, or that something else in a result has."""
-    from gearstab.results.variables.responses import taken_names
-
     plain = name.strip() == name and name not in ("", ".", "..") and not re.search(r"[/\x00-\x1f\x7f]", name)
     if not plain or len(name) > LONGEST_NAME:
         hint = f"choose another name, of at most {LONGEST_NAME} characters and without '/'"

@@ -4,19 +4,11 @@ import os
 from pathlib import Path
 
 import pytest
-from scenes import scene_text, written
+from scenes import problems, scene_text, written
 
-from gearstab.config import ConfigError, Problem, load
+from gearstab.config import ConfigError, load
 
 GOOD = scene_text("config_errors")
-
-
-def problems(folder: Path, text: str | bytes, *overrides: str) -> list[Problem]:
-    path = folder / "case.yaml"
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(ConfigError) as caught:
-        load(path, overrides)
-    return caught.value.problems
 
 
 def changed(text: str, old: str, new: str) -> str:
