@@ -151,7 +151,7 @@ static int scan_sparsely(struct window *w, double first, double last) {
         w->cycle[i] = i == count - 1 ? last : first + (last - first) * i / (count - 1);
     if (add_nodes(w, count))
         return -1;
-    count_scan(w, (int)(w->n / 2));
+    count_scan(w, INT_MAX);
     if (repair_scan(w))
         return -1;
     for (int i = 0; i + 1 < count; i++)
