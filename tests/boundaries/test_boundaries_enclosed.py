@@ -31,7 +31,7 @@ def below(pattern: Pattern, level: str, cycle: Array, angle: Array) -> Array:
 @pytest.mark.parametrize("level", library.levels())
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 6, 7, 8, 14, 19])
 def test_counts_at_angles(n: int, level: str) -> None:
-    """Those of NumPy's eigenvalues, and differences from angle to angle those of the multipliers in between by sign."""
+    """The counts are those of NumPy's eigenvalues, their differences those of the multipliers in between, by sign."""
     rng = np.random.default_rng(n)
     seen = 0
     for kind in KINDS:
@@ -82,7 +82,7 @@ def chain(size: int) -> GearSystem:
     ("item", "start", "stop"), [(twins(8, 1), 0.5, 0.6), (twins(10, 2), 0.4, 0.45), (chain(15), 0.5, 0.6)]
 )
 def test_regions_of_many_coordinates(item: GearSystem, start: float, stop: float) -> None:
-    """Those that counts and halving find."""
+    """The search finds what counts and halving find."""
     (pattern,) = prepare(item)
     first, last = pattern.elastic.rate / stop, pattern.elastic.rate / start
     found = search(pattern, first, last, TOLERANCE, FLOOR)
