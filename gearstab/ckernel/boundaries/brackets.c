@@ -26,6 +26,7 @@
 
 #define AROUND 0.25 /* part of the angles seen by which a quadruple may leave their range between two points */
 #define ALIKE 1e-3  /* relative difference of F of identical pairs */
+#define TWINS 0.5   /* the same of pairs that leave the circle almost together */
 #define RISE 0.5    /* F of a quadruple that comes this near to 0 between two points, as part of the smaller end, may be back */
 
 /* Least and largest N over an open range of angles; `with_one`: and at angle 0. */
@@ -203,12 +204,23 @@ static int same_but_for(const struct sample *in, int gap, const struct sample *o
     return 1;
 }
 
-/* Whether all pairs off the circle are as one, as in systems of identical parts. */
-static int all_alike(const struct sample *s) {
+/* Whether all pairs off the circle are as one, as in systems of identical parts, but for a part of F. */
+static int all_alike(const struct sample *s, double but_for) {
     for (int m = 1; m < s->offs; m++)
-        if (s->off[m].place != s->off[0].place || fabs(s->off[m].square - s->off[0].square) > ALIKE * fabs(s->off[0].square))
+        if (s->off[m].place != s->off[0].place || fabs(s->off[m].square - s->off[0].square) > but_for * fabs(s->off[0].square))
             return 0;
     return 1;
+}
+
+/* The pair off the circle that is back on it last, at its speed, as time runs forwards (+1) or backwards (-1). */
+static int last_back(const struct sample *s, int direction) {
+    int best = 0;
+    for (int m = 1; m < s->offs; m++) {
+        const struct off *own = s->off + m, *other = s->off + best;
+        if (own->square * other->slope * direction < other->square * own->slope * direction)
+            best = m;
+    }
+    return best;
 }
 
 /* Whether one end of an unstable interval is all that lies between a stable point and one off the circle. */
@@ -216,7 +228,7 @@ static int single_edge(const struct sample *in, int gap, const struct sample *ou
     enum place place = place_of(in, gap);
     if (place != ELSEWHERE)
         return passed == 1 && count_off(out, place) % 2 == 1;
-    return out->offs == 1 ? same_but_for(in, gap, out) : all_alike(out);
+    return out->offs == 1 ? same_but_for(in, gap, out) : all_alike(out, ALIKE);
 }
 
 /* What lies between two points that are known and whose counts are. */
@@ -242,18 +254,20 @@ struct finding compare(const struct sample *left, const struct sample *right, in
         return found;
     }
     const struct sample *out = left->stable ? right : left, *in = left->stable ? left : right;
-    int gap = left->stable ? found.left : found.right;
+    int gap = left->stable ? found.left : found.right, *of_out = left->stable ? &found.right : &found.left;
+    *of_out = -1;
     if (left->stable ? forwards == 1 && backwards == 0 : forwards == 0 && backwards == 1) {
         struct range own = gap_range(in, gap);
         enum place place = place_of(in, gap);
         int off = nearest_off(out, place, own);
         if (off >= 0 && single_edge(in, gap, out, passages(left, right, place))) {
             found.kind = left->stable ? ENTRANCE : EXIT;
-            *(left->stable ? &found.right : &found.left) = off;
+            *of_out = off;
             /* Pairs that are almost alike leave the circle one after the other: one of them, from inside, does not tell the edge. */
             found.doubtful = place == ELSEWHERE &&
                              (out->offs > 1 || swept(left, right, hull(own, off_range(out->off + off)), own, NOWHERE));
-        }
+        } else if (off >= 0 && out->offs > 1 && place == ELSEWHERE && all_alike(out, TWINS))
+            *of_out = last_back(out, left->stable ? -1 : 1); /* a hint for where to look */
     }
     return found;
 }

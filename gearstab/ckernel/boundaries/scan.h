@@ -92,8 +92,12 @@ static void count_along(struct window *w, int first, int last) {
         node_at(w, i)->indexed = right && node_at(w, i)->known;
 }
 
-/* Counts of the nodes: directly at some of them, so many apart, from monotony between. */
+/* Counts of the nodes: directly at some of them, so many apart, from monotony between. The first may be the last one of the
+   window before. */
 static void count_scan(struct window *w, int apart) {
+    struct sample *begin = node_at(w, 0), *end = node_at(w, w->nodes - 1);
+    if (begin->known && begin->cycle == w->counted)
+        begin->index = w->count, begin->indexed = 1;
     for (int i = 0; i < w->nodes; i++)
         if (node_at(w, i)->known && !node_at(w, i)->indexed && (i % apart == 0 || i == w->nodes - 1))
             count_directly(w, node_at(w, i));
@@ -110,6 +114,8 @@ static void count_scan(struct window *w, int apart) {
         }
         before = s->indexed ? i : before;
     }
+    w->counted = end->indexed ? end->cycle : 0.0;
+    w->count = end->index;
 }
 
 /* Replace nodes that tell nothing by neighbours of theirs. */
@@ -147,7 +153,8 @@ static int open_brackets(struct window *w) {
         if (usable(node_at(w, i))) {
             if (before >= 0 && !proved) {
                 int left = w->node[before].sample, right = w->node[i].sample;
-                w->open[w->opens++] = (struct bracket){left, right, 0, 0, 0, at(w, right)->cycle - at(w, left)->cycle};
+                double width = at(w, right)->cycle - at(w, left)->cycle;
+                w->open[w->opens++] = (struct bracket){left, right, 0, 0, 0, left, right, width};
             }
             before = i, proved = 1;
         }

@@ -98,7 +98,10 @@ static int advance(struct window *w, const struct bracket *b, struct finding *fo
 static void divide(struct window *w, const struct bracket *b, int point, int smooth) {
     for (int side = 0; side < 2; side++) {
         struct bracket *part = &w->next[w->nexts++];
-        *part = (struct bracket){side ? point : b->left, side ? b->right : point, b->age + 1, 0, smooth, b->width};
+        *part = (struct bracket){side ? point : b->left, side ? b->right : point, b->age + 1, 0, smooth,
+                                 b->before, b->after, b->width};
+        if (at(w, point)->indexed)
+            *(side ? &part->before : &part->after) = point;
         double width = at(w, part->right)->cycle - at(w, part->left)->cycle;
         if (width < 0.5 * part->width || part->age > PATIENCE)
             part->age = 0, part->width = width;
@@ -148,7 +151,7 @@ static int refine(struct window *w) {
         for (int i = 0; i < asking; i++) {
             struct bracket *b = &w->open[i];
             struct sample *s = at(w, first + i);
-            count_between(w, s, at(w, b->left), at(w, b->right));
+            count_between(w, s, at(w, b->before), at(w, b->after));
             if (usable(s)) {
                 int smooth = w->found[i].kind == OPEN && as_foreseen(at(w, b->left), at(w, b->right), &w->found[i], s);
                 divide(w, b, first + i, smooth);
@@ -198,6 +201,7 @@ static int search_row(struct window *w, int64_t row, double start, double stop, 
     w->row = row;
     w->spacing = (stop - start) / (ceil(expected) - 1.0);
     w->evaluations = 0;
+    w->counted = 0.0;
     int64_t begin = w->edges;
     int sparse = w->n >= SPARSE_FROM && w->order->gap >= w->order->floor; /* else all collisions are listed */
     for (double k = 0; k < windows; k++) {

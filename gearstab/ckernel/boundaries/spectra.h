@@ -170,6 +170,7 @@ struct spectra {
     struct row row;
     struct room room;
     double *unit; /* (2n,) */
+    double type;  /* exponential type of the row's matrices, as functions of the period */
 };
 
 static void spectra_free(void *given) {
@@ -226,6 +227,7 @@ static double spectra_row(void *given, int64_t index) {
         }
         type += TURN * most;
     }
+    s->type = type;
     return 2.0 * HALF_PHASE / (type * s->row.cycles);
 }
 
@@ -235,6 +237,7 @@ static void spectra_window(void *given, double first, double last) {
     struct panels *panels = &s->room.panels;
     panels->first = s->row.cycles * first;
     panels->length = s->row.cycles * (last - first);
+    panels->terms = terms_of(0.5 * panels->length * s->type);
     panels->panel[0] = (struct panel){.points = PAYING};
     panels->count = 1;
     panels_room(panels, s->row.n);

@@ -19,6 +19,7 @@
 #define UNSURE 0.5    /* of a slope: where that much is in doubt it tells no edge */
 #define NARROW_BRACKET 0.05 /* step to the second point over the width of a bracket so narrow that its cubic is exact */
 #define AT_ONCE 0.1 /* of the floor: events that are predicted this near to each other are taken for one */
+#define ASIDE 0.1 /* of the distance of an edge from the nearer end of its bracket */
 #define INSIDE 0.05 /* of the bracket: no proposal for an open one is nearer to its ends */
 
 static struct cubic through(double f, double s, double g, double t) {
@@ -304,6 +305,14 @@ int as_foreseen(const struct sample *left, const struct sample *right, const str
            fabs(own->slope * width - slope(&c, x)) < SAME_SLOPE * fabs(own->square);
 }
 
+/* Between a stable point and one with several pairs off the circle: beside the edge of the pair that is off for longest, towards the
+   end that is farther, so that the edge is enclosed soon. */
+static double beside_edge(const struct sample *left, const struct sample *right, const struct finding *found, double tolerance) {
+    struct cubic c = course(left, right, found);
+    double width = right->cycle - left->cycle, x = zero(&c), least = 0.4 * tolerance * left->cycle / width;
+    return left->cycle + width * (x < 0.5 ? x + ASIDE * x + least : x - ASIDE * (1.0 - x) - least);
+}
+
 /* The next point of a bracket whose ends are known; NaN if nothing better than its middle is. */
 double propose(const struct sample *left, const struct sample *right, const struct finding *found, double tolerance,
                double floor) {
@@ -315,6 +324,8 @@ double propose(const struct sample *left, const struct sample *right, const stru
         if (!isnan(beside))
             return beside;
     }
+    if (found->kind == OPEN && left->stable != right->stable && found->left >= 0 && found->right >= 0)
+        return beside_edge(left, right, found, tolerance);
     if (found->kind == OPEN)
         return left->stable || right->stable ? among_several(left, right, floor) : through_gap(left, right, found);
     struct cubic c = course(left, right, found);

@@ -12,6 +12,7 @@
 
 struct bracket {
     int left, right, age, failures, smooth;
+    int before, after; /* the nearest points around it whose counts are known */
     double width; /* when the present rounds of interpolation began */
 };
 
@@ -72,6 +73,8 @@ struct window {
     struct node *node, *fresh_node; /* by cycle */
     int64_t node_room, fresh_room;
     int nodes, fresh_nodes;
+    double counted; /* the last node of the window before, and N(0) there; 0 if that is not known */
+    int64_t count;
     /* Of sparse scans: */
     struct enclosing *enclosing;
     struct stretch *stretch;

@@ -17,16 +17,17 @@
 #define PAYING 64           /* points of a panel from which on it is worth its nodes; 32 and 128 differ by 5 % at most */
 #define MOST_GROWN 64.0     /* entries above this spoil the digits of other points of the panel */
 #define LEFT_OVER 1e-13     /* of the last coefficients, relative to the largest entry: rounding, or the panel is not used */
+#define NO_TERM 1e-18        /* of the largest entry: coefficients below this are those of rounding errors */
 #define MOST_BYTES (1 << 28) /* of the polynomials of a row: 256 MB a thread */
 
 struct panel {
     int64_t points;
     double size;         /* the largest entry at the nodes; 0: not used */
-    double *coefficient; /* (NODES, 4 n^2), NULL where it does not pay */
+    double *coefficient; /* (n^2, NODES, 4): of the next four entries together, NULL where it does not pay */
 };
 
 struct panels {
-    int64_t count, room;
+    int64_t count, room, terms; /* coefficients that are not nothing, see terms_of */
     double first, length; /* of the first panel, periods as of period_of */
     double cosine[4 * NODES];
     struct panel *panel; /* (count,) */
@@ -107,12 +108,20 @@ static double panel_fill(struct panels *panels, const struct row *row, int64_t k
             double total = 0.0;
             for (int64_t lane = 0; lane < LANES; lane++)
                 total += sum[lane];
-            coefficient[j * entries + e] = total;
+            coefficient[(e / 4 * NODES + j) * 4 + e % 4] = total;
             if (j >= NODES - 3)
                 last = fabs(total) > last ? fabs(total) : last;
         }
     }
     return last <= LEFT_OVER * size ? size : 0.0;
+}
+
+/* Coefficients of a panel that something is left of, for sigma h. */
+static int64_t terms_of(double phase) {
+    int64_t k = 0;
+    for (double left = 1.0; k < NODES && (left > NO_TERM || (double)k < phase); k++)
+        left *= 0.5 * phase / (double)(k + 1);
+    return k < 2 ? 2 : k;
 }
 
 /* Panels for the points of a row; without enough points for them there are none. */
@@ -138,6 +147,7 @@ static void panels_set(struct panels *panels, const struct row *row, int64_t poi
     panels->count = (int64_t)count;
     panels->first = lowest;
     panels->length = (highest - lowest) / count;
+    panels->terms = terms_of(0.5 * panels->length * type);
     for (int64_t k = 0; k < panels->count; k++)
         panels->panel[k] = (struct panel){0};
     for (int64_t k = 0; k < points; k++) {
@@ -150,14 +160,14 @@ static void panels_set(struct panels *panels, const struct row *row, int64_t poi
             panels->panel[k].size = panel_fill(panels, row, k, work);
 }
 
-/* x[e] = sum_j c[j][e] t[j] for the next four of 4 n^2 entries; twelve at once take 12 to 15 % longer with AVX-512. */
-INLINE void combine(const double *c, int64_t stride, const vec *t, vec *x) {
+/* x[e] = sum_j c[j][e] t[j] for four of 4 n^2 entries; twelve at once take 12 to 15 % longer with AVX-512. */
+INLINE void combine(const double *c, int64_t terms, const vec *t, vec *x) {
     vec sum[4];
     UNROLLED for (int64_t e = 0; e < 4; e++)
         sum[e] = all(c[e]);
-    for (int64_t j = 1; j < NODES; j++)
+    for (int64_t j = 1; j < terms; j++)
         UNROLLED for (int64_t e = 0; e < 4; e++)
-            sum[e] += c[j * stride + e] * t[j];
+            sum[e] += c[4 * j + e] * t[j];
     UNROLLED for (int64_t e = 0; e < 4; e++)
         x[e] = sum[e];
 }
@@ -183,7 +193,7 @@ static int interpolate(const struct panels *panels, int64_t n, vec period, vec *
     for (int64_t j = 2; j < NODES; j++)
         t[j] = 2.0 * place * t[j - 1] - t[j - 2];
     for (int64_t e = 0; e < entries; e += 4)
-        combine(c + e, entries, t, x + e);
+        combine(c + e * NODES, panels->terms, t, x + e);
     /* Those of the largest matrix at the nodes, and those of the sums. */
     *magnified = 1.0 + panels->panel[panel].size / larger(largest_entry(x, entries), all(1.0));
     return 1;

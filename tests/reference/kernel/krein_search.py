@@ -73,6 +73,20 @@ def morse(pattern: Pattern, row: Array, cycle: Array) -> tuple[Array, Array, Arr
     return x, index + negative(both - across), index + negative(both + across), good
 
 
+def below(matrix: Array, angle: Array) -> Array:
+    """Count negative eigenvalues ``(P, L)`` of B^-1 A + D B^-1 - exp(i theta) B^-1 - exp(-i theta) B^-T.
+
+    angle: theta, ``(P, L)``.
+    """
+    n = matrix.shape[-1] // 2
+    a, b, d = matrix[:, :n, :n], matrix[:, :n, n:], matrix[:, n:, n:]
+    inverse = np.linalg.inv(b)
+    held = inverse @ a + d @ inverse
+    turned = np.exp(1j * angle)[..., None, None] * inverse[:, None]
+    form = 0.5 * (held + np.swapaxes(held, 1, 2))[:, None] - turned - np.swapaxes(turned.conj(), -1, -2)
+    return (np.linalg.eigvalsh(form) < 0).sum(axis=-1)
+
+
 def _right(a: Array, b: Array) -> Array:
     """A B^-1."""
     size = np.finfo(float).tiny + 1e-300 * np.eye(b.shape[-1])

@@ -11,7 +11,8 @@
 #include "scan.h"
 
 #define SPARSE_FROM 13 /* coordinates */
-#define SPARSE 0.2     /* times n: points of a dense scan that one of a sparse scan stands for */
+#define SPARSE 0.2     /* times n: points of a dense scan that one of a sparse scan stands for; 0.4 takes as long */
+#define SPARSEST 30.0  /* such points at most: few enough meetings for enclose() */
 #define FILLED 1.5     /* spacings: brackets longer than this get the points of a dense scan */
 
 /* Foresee what lies between nodes i and i + 1, and the lines of all stretches. */
@@ -138,7 +139,7 @@ static int add_asked(struct window *w) {
 
 /* Points between two cycles, evenly, and the brackets between them in which something may lie. */
 static int scan_sparsely(struct window *w, double first, double last) {
-    double apart = w->spacing * fmax(SPARSE * (double)w->n, 1.0);
+    double apart = w->spacing * fmin(fmax(SPARSE * (double)w->n, 1.0), SPARSEST);
     int count = (int)ceil((last - first) / apart) + 1;
     w->samples = w->stretches = 0;
     w->denses = foresee(w, first, last);
@@ -151,7 +152,7 @@ static int scan_sparsely(struct window *w, double first, double last) {
         w->cycle[i] = i == count - 1 ? last : first + (last - first) * i / (count - 1);
     if (add_nodes(w, count))
         return -1;
-    count_scan(w, (int)(w->n / 2));
+    count_scan(w, INT_MAX);
     if (repair_scan(w))
         return -1;
     for (int i = 0; i + 1 < count; i++)
