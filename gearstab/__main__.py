@@ -1,5 +1,6 @@
 """The entry of ``gearstab`` and of ``python -m gearstab``: signals first, as the imports take a while themselves."""
 
+import atexit
 import gc
 import os
 import sys
@@ -14,6 +15,8 @@ short command: nearly all that imports and models make stays."""
 def main() -> None:
     """Run the command line as a process of its own."""
     gc.set_threshold(NEW_OBJECTS, *gc.get_threshold()[1:])
+    # Python looks for garbage four times as it ends, a sixth of a short command: what is frozen it leaves alone.
+    atexit.register(gc.freeze)
     install()
     open_standard_streams()
     from gearstab.cli import main as run

@@ -192,7 +192,7 @@ INLINE vec growth_of(const vec s[3], int64_t n) {
 
 /* g <- P g P = g + v p^T - p v^T, p = beta g v, with P = I - beta v v^T on rows and columns k.., v (n - k,), for a skew g of
    which only what lies above the diagonal is kept, without rows before `top`. */
-static void both_sides_skew(vec *g, int64_t n, int64_t k, int64_t top, const vec *v, vec beta, vec *p) {
+INLINE void both_sides_skew(vec *g, int64_t n, int64_t k, int64_t top, const vec *v, vec beta, vec *p) {
     int64_t count = n - k;
     for (int64_t i = top; i < k; i++)
         reflect_line(g + i * n + k, count, v, beta);
@@ -215,7 +215,7 @@ static void both_sides_skew(vec *g, int64_t n, int64_t k, int64_t top, const vec
 }
 
 /* Rotate coordinates k and n + k so that g[k][j] vanishes against e[k][j], j = k - 1. */
-static void rotate_pair(vec *e, vec *f, vec *g, int64_t n, int64_t k) {
+INLINE void rotate_pair(vec *e, vec *f, vec *g, int64_t n, int64_t k) {
     int64_t j = k - 1;
     vec a = e[k * n + j], b = -g[j * n + k], length = root(a * a + b * b);
     mask acts = length > DBL_MIN;
@@ -240,8 +240,8 @@ static void rotate_pair(vec *e, vec *f, vec *g, int64_t n, int64_t k) {
 }
 
 /* Orthogonal symplectic reduction of [[e, f], [g, e^T]] to [[h, *], [0, h^T]], h Hessenberg, in place of e; of the skew f and g
-   what lies above the diagonal is used; work (2, n). */
-static void paige_van_loan(vec *e, vec *f, vec *g, int64_t n, vec *work) {
+   what lies above the diagonal is used; work (2, n). Inlined, as a constant n makes it twice as fast. */
+INLINE void paige_van_loan(vec *e, vec *f, vec *g, int64_t n, vec *work) {
     vec *v = work, *p = work + n, beta;
     for (int64_t k = 1; k < n; k++)
         for (int turn = 0; turn < 2; turn++) {
