@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.response.backlash.continuation import CLOSED, DOUBLING, FOLD
+from gearstab.response.backlash.continuation import CLOSED, DOUBLING, FOLD, Point
 from gearstab.response.backlash.history import repetition
 from gearstab.response.backlash.motions import BRANCH_FLAGS, BY_MESH, KINDS, Branch
-from gearstab.response.backlash.sections import Point
 from gearstab.response.backlash.switching import Branches, leaving
 from gearstab.system import Array
 

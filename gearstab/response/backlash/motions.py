@@ -14,10 +14,10 @@ import numpy as np
 from gearstab.floquet import solve
 from gearstab.modal import mean_modes, static_mesh_force
 from gearstab.propagation.first_order import bases
-from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, FOLD, NEIMARK_SACKER, Curve
+from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, FOLD, NEIMARK_SACKER, Curve, NoPoint
 from gearstab.response.backlash.dynamics import resting
 from gearstab.response.backlash.history import BACKLASH_FLAGS, LimitCycle, Meter, Recording, elastic
-from gearstab.response.backlash.sections import Lap, NoPoint, SectionMap
+from gearstab.response.backlash.sections import Lap, SectionMap
 from gearstab.response.steady import driven, unbalanced
 from gearstab.system import Array, GearSystem
 

@@ -21,9 +21,9 @@ from itertools import combinations
 import numpy as np
 from scipy.linalg import qr
 
-from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, FOLD, MORE, Curve, StepLimits
+from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, FOLD, MORE, Curve, Point, StepLimits
 from gearstab.response.backlash.motions import GRAZING, MOST_BRANCHES, Branch, BranchMotion, stability
-from gearstab.response.backlash.sections import Lap, Point, SectionMap
+from gearstab.response.backlash.sections import Lap, SectionMap
 from gearstab.system import Array
 
 UNDISTURBED = 1e-10
