@@ -30,6 +30,8 @@ ROOT = Path(__file__).parent.parent
 CONFIGS, GEARSTAB = ROOT / "configs", ROOT / "gearstab"
 
 POINT_A = ("--mark", "A=4.2,0.3")
+CAMPBELL = ("--kind", "campbell", "--size", "double")
+ROOT_STRESS = ("--kind", "teeth", "--variable", "root_stress")
 PICTURES: dict[str, dict[str, Sequence[str]]] = {
     "campbell/planetary": {
         "": ("--kind", "campbell", "--x", "supports.planet", "--select", "mesh_frequency=3 kHz", "--size", "double"),
@@ -41,16 +43,7 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
     **{
         f"drivetrains/{name}": {
             "": (),
-            "_campbell": (
-                "--kind",
-                "campbell",
-                "--size",
-                "double",
-                "--select",
-                select,
-                "--title",
-                f"{title}, modes and mesh orders",
-            ),
+            "_campbell": (*CAMPBELL, "--select", select, "--title", f"{title}, modes and mesh orders"),
         }
         for name, select, title in (
             ("ev_reducer", "gears.helix_angle=4 deg", "Helical reducer of an electric car"),
@@ -59,8 +52,8 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
             ("nrel_5mw", "damping_factor=1", "NREL 5 MW gearbox"),
         )
     },
-    "spinning/planetary": {"": (), "_campbell": ("--kind", "campbell", "--size", "double")},
-    "spinning/rotor": {"": (), "_campbell": ("--kind", "campbell", "--size", "double")},
+    "spinning/planetary": {"": (), "_campbell": CAMPBELL},
+    "spinning/rotor": {"": (), "_campbell": CAMPBELL},
     "lin_parker_2002/fig8a": {"": POINT_A},
     "lin_parker_2002/fig8b": {"": POINT_A},
     "response/two_stage_speeds": {
@@ -70,17 +63,10 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
     "response/run_up": {"": (), "_orders": ("--kind", "orders")},
     "kuria_kihiu_2008/steady": {
         "": ("--kind", "teeth", "--title", "Loads of a tooth (Kuria & Kihiu 2008, Fig. 6)"),
-        "_fig7": (
-            "--kind",
-            "teeth",
-            "--variable",
-            "root_stress",
-            "--title",
-            "Root stress of a tooth (Kuria & Kihiu 2008, Figs. 7 and 8)",
-        ),
+        "_fig7": (*ROOT_STRESS, "--title", "Root stress of a tooth (Kuria & Kihiu 2008, Figs. 7 and 8)"),
     },
     **{
-        f"kuria_kihiu_2008/designs/stage4_{name}": {"": ("--kind", "teeth", "--variable", "root_stress")}
+        f"kuria_kihiu_2008/designs/stage4_{name}": {"": ROOT_STRESS}
         for name in ("m30", "m25", "m20", "a25", "m25_long", "m20_long")
     },
     **{

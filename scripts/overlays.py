@@ -240,7 +240,7 @@ def _frame(ax: Axes, frame: Frame, results: Mapping[str, Path], dashes: Sequence
         ax.set_ylim(0, None)
     if frame.pitch:
         name = next(iter(frame.curves))
-        pair = Train(load(CONFIGS / f"{name}.yaml").system).teeth_of(0).pairs[0]
+        pair = Train(load(CONFIGS / f"{name}.yaml").system).pair_teeth[0].pairs[0]
         at = pair.pitch_phase * 1e3 / MESH_HZ[frame.entry]
         ax.axvline(at, color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)))
         ax.annotate("P", (at, 1), (2, -8), xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=8)

@@ -138,8 +138,7 @@ class BranchAnalysis(Method):
         wanted = {DOUBLING: own.period_doubling, BRANCHING: own.branch_point}
         search = BranchSearch(laps, limits, frozenset(kind for kind, word in wanted.items() if word == "follow"))
         search.run(starts)
-        found = table(search, self.rows, own.points, 2 * self.system.size, len(self.system.meshes))
-        return dict(vars(found))
+        return table(search, self.rows, own.points, 2 * self.system.size, len(self.system.meshes))
 
     @property
     def fewest(self) -> int:

@@ -158,7 +158,7 @@ class BacklashAnalysis(SteadyStateAnalysis):
 
         down = self.options.continuation == "down"
         found = speed_cycles(self.system, mesh_frequency, down, self.cycles, self.options.discard)
-        return Outcome({name: values[None] for name, values in vars(found).items()})
+        return Outcome({name: values[None] for name, values in found.items()})
 
     def cost(self) -> float:
         """Measured: 0.7 ms per cycle of a gear pair, and more the more modes are faster than the mesh frequency."""

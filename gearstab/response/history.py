@@ -136,10 +136,8 @@ def driven_response(
     return replace(found, flags=found.flags | RESPONSE_FLAGS["unbalanced"] * pushed)
 
 
-def steady_state(
-    system: GearSystem, mesh_frequency: float, samples_per_cycle: int = 200, tolerance: float = 1e-9, periods: int = 1
-) -> Response:
-    """The periodic response to what drives a system, over ``periods`` common periods, both ends included.
+def steady_state(system: GearSystem, mesh_frequency: float, samples_per_cycle: int = 200) -> Response:
+    """The periodic response to what drives a system, over a common period, both ends included.
 
     The initial state is that of :mod:`gearstab.response.steady`; everything after follows from it exactly, so
     that the difference of the first and the last sample tells the error. Rigid-body modes that nothing holds back are
@@ -151,7 +149,6 @@ def steady_state(
     system: a single system (no batch) with something that drives it.
     mesh_frequency: Omega, positive.
     samples_per_cycle: equal steps in a period of the first mesh.
-    tolerance: of the map over a period where functions vary smoothly, relative.
 
     Raises
     ------
@@ -162,13 +159,13 @@ def steady_state(
         raise ValueError(f"a steady state needs a single system, not a batch of shape {system.batch}")
     if not system.forced:
         raise NotPossible("nothing drives the system: give a load, forces or transmission errors")
-    if not (mesh_frequency > 0 and np.isfinite(mesh_frequency) and samples_per_cycle > 0 and periods > 0):
-        raise ValueError("mesh frequency, samples per cycle and periods must be positive")
-    (_, _, begin) = next(starts(system, np.array([[float(mesh_frequency)]]), tolerance))
+    if not (mesh_frequency > 0 and np.isfinite(mesh_frequency) and samples_per_cycle > 0):
+        raise ValueError("mesh frequency and samples per cycle must be positive")
+    (_, _, begin) = next(starts(system, np.array([[float(mesh_frequency)]])))
     basis = begin.points.basis
-    motion = driven(balanced(system, basis), mesh_frequency, tolerance)
+    motion = driven(balanced(system, basis), mesh_frequency)
     grid = motion.drive.counts[0] * samples_per_cycle
-    samples = periods * grid + 1
+    samples = grid + 1
     if begin.status[0] & RESPONSE_FLAGS["failed"]:
         samples = 0
     start = motion.state(basis.outlet[0] @ begin.x[0], basis.speed[0] @ begin.x[0])

@@ -84,13 +84,13 @@ def _transformed(tau: Array, values: Array, order: int) -> Array:
     return np.swapaxes(found.reshape(*found.shape[:2], -1)[..., :count], 1, 2)
 
 
-def harmonics(system: GearSystem, mesh_frequency: float, order: int, tolerance: float = 1e-9) -> Harmonics:
+def harmonics(system: GearSystem, mesh_frequency: float, order: int) -> Harmonics:
     """The Fourier coefficients of the steady state up to the given harmonic of the common period.
 
     Integrals over the intervals between jumps, by Gauss-Lobatto panels so short that the highest harmonic and the
     highest natural frequency turn by less than a radian in one: to about ten digits, whatever the jumps of the force.
     """
-    (_, _, begin) = next(starts(system, np.array([[float(mesh_frequency)]]), tolerance))
+    (_, _, begin) = next(starts(system, np.array([[float(mesh_frequency)]])))
     multiples = np.arange(order + 1)
     table = np.zeros((2, order + 1, len(system.whole_meshes)), dtype=complex)
     if begin.status[0] & STATUS_FLAGS["failed"]:

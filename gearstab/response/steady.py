@@ -48,6 +48,8 @@ UNSTABLE = 1e-9
 """Excess of the largest |lambda| over 1 that is no rounding error."""
 MOST_ENTRIES = 2**21
 """Entries of the largest array of a chunk of points: 16 MB."""
+TOLERANCE = 1e-9
+"""Error of the map over a period where functions vary smoothly, relative to its largest entry, by default."""
 BALANCED = 1e-6
 """A load is balanced if its part along a rigid-body mode is below this part of its size."""
 
@@ -65,7 +67,7 @@ class SteadyStart:
 
 
 def starts(
-    system: GearSystem, omega: Array, tolerance: float = 1e-9, samples: int = 1
+    system: GearSystem, omega: Array, tolerance: float = TOLERANCE, samples: int = 1
 ) -> Iterator[tuple[Array, Array, SteadyStart]]:
     """Steady states at mesh frequencies ``(rows, P)``, in chunks: (rows (K,), columns (K,), start).
 
@@ -258,12 +260,10 @@ class Driven:
     """A single system at one mesh frequency, ready to be followed.
 
     whole: the equation at any mesh frequency, of all modes, rigid-body ones included. omega: Omega.
-    tolerance: where functions vary smoothly, of the map over a period, relative.
     """
 
     whole: Equation
     omega: float
-    tolerance: float
 
     @cached_property
     def points(self) -> SteadyPoints:
@@ -282,10 +282,10 @@ class Driven:
 
     @cached_property
     def resolved(self) -> SteadyPoints:
-        """The operating point with as many Magnus steps as the tolerance asks for."""
+        """The operating point with as many Magnus steps as TOLERANCE asks for."""
         if self.drive.exact:
             return self.points
-        steps = resolution(self.points.equation, self.points.at, self.points.omega, self.tolerance)
+        steps = resolution(self.points.equation, self.points.at, self.points.omega, TOLERANCE)
         return replace(self.points, steps=steps)
 
     @property
@@ -342,7 +342,8 @@ class Driven:
     def _samples(self, samples: int, grid: int) -> Iterator[tuple[int, Array, Array]]:
         """Intervals of a common period: number, which of its first samples lie in it, and at which fractions of it."""
         edges = self.points.edges[0] * grid
-        first = first_sample(edges)
+        # The first sample at or after each edge.
+        first = np.ceil(edges - ON_A_JUMP).astype(int)
         for q in self.points.equation.occupied:
             if first[q] >= samples:
                 break
@@ -354,15 +355,7 @@ class Driven:
         return self.points.equation.momentary(np.arange(grid) / grid, ON_A_JUMP / grid)
 
 
-def driven(system: GearSystem, mesh_frequency: float, tolerance: float = 1e-9) -> Driven:
-    """Prepare a single system. tolerance: where functions vary smoothly, of the map over a period, relative.
-
-    Raises ValueError without a common period.
-    """
+def driven(system: GearSystem, mesh_frequency: float) -> Driven:
+    """Prepare a single system. Raises ValueError without a common period."""
     (form,) = bases(system, whole=True)
-    return Driven(Equation(form, excitation(system)), float(mesh_frequency), tolerance)
-
-
-def first_sample(edges: Array) -> Array:
-    """The first sample at or after each edge; both in sampling steps."""
-    return np.ceil(edges - ON_A_JUMP).astype(int)
+    return Driven(Equation(form, excitation(system)), float(mesh_frequency))

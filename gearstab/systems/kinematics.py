@@ -25,11 +25,6 @@ class Relation:
     value: Fraction | int = 0
 
 
-def alike(first: str, second: str, where: Where) -> Relation:
-    """Return the relation of a shaft: both ends have one speed."""
-    return Relation({first: 1, second: -1}, where)
-
-
 @dataclass(frozen=True)
 class MeshMotion:
     """Two gears in mesh: z_1 (w_1 - w_f) = -+ z_2 (w_2 - w_f), - of external gears, + where one gear is internal.

@@ -161,7 +161,7 @@ def _mappings(raw: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, Path]]
 
 
 SKEW = 1e-12
-"""An antisymmetric part below this part of the largest entry of a matrix is rounding."""
+"""Part of the largest entry of a matrix below which what keeps it from being symmetric, or skew, is rounding."""
 
 OfStiffness = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]
 OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
@@ -289,9 +289,6 @@ def _profile(p: StiffnessPart | DampingPart | None) -> Profile | None:
     return Scaled(wave, np.asarray(mean, dtype=float), 2 * np.asarray(amplitude, dtype=float))
 
 
-SKEW_TOLERANCE = 1e-12
-"""Part of the largest entry by which a gyroscopic matrix may differ from a skew one, a centripetal from a symmetric."""
-
 RotatingInertia = Annotated[float, Quantity("kg", ("kg m", "kg m^2"), entry=True)]
 Drag = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 
@@ -342,7 +339,7 @@ def check_rotation(document: Document, system: Any) -> None:
             full = matrix(part[name])
             values = full.reshape(-1, *full.shape[-2:])[0]
             wrong = np.abs(values + sign * values.T)
-            if np.max(wrong) <= SKEW_TOLERANCE * np.max(np.abs(values)):
+            if np.max(wrong) <= SKEW * np.max(np.abs(values)):
                 continue
             i, j, entries = worst_entry(values, wrong)
             path: Path = ("system", "rotation", place, name, i, j)

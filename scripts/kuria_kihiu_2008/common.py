@@ -111,7 +111,7 @@ def of_stages(design: Design, measure: str) -> np.ndarray:
 def pairs(design: Design = Design()) -> list[Pair]:
     """The gears of stages I to IV."""
     train = Train(section(parameters(design)))
-    return [train.teeth_of(k).pairs[0] for k in range(4)]
+    return [train.pair_teeth[k].pairs[0] for k in range(4)]
 
 
 @cache

@@ -9,8 +9,7 @@ from systems import KINDS, system
 
 from gearstab.ckernel import library
 from gearstab.floquet.boundaries.counting.krein import spectrum
-from gearstab.floquet.boundaries.intervals import Intervals
-from gearstab.floquet.boundaries.undamped.search import search
+from gearstab.floquet.boundaries.parts import Intervals
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.mesh import Mesh

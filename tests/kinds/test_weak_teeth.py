@@ -134,7 +134,7 @@ def test_the_weak_pair_carries_less_and_no_other(waveform: dict[str, Any]) -> No
     faults = [{"gear": "a", "tooth": 2, "factor": 0.6}, {"gear": "b", "tooth": 5, "factor": 0.8}]
     system = gs.build(TRAIN | {"meshes": [mesh | {"faults": faults}]})
     whole, c = system.meshes[0], 1.6
-    teeth = Train(load({"system": TRAIN | {"meshes": [mesh]}}).system).teeth_of(0)
+    teeth = Train(load({"system": TRAIN | {"meshes": [mesh]}}).system).pair_teeth[0]
     if waveform["kind"] != "pair":
         c = teeth.pairs[0].contact_ratio
     turns = np.random.default_rng(1).uniform(0, 17 * 40, 4000)
@@ -172,7 +172,7 @@ def test_growth_of_a_smooth_wave_by_direct_integration() -> None:
         return np.array([y[1], -mobility * k * y[0] - c * y[1], y[3], -mobility * k * y[2] - c * y[3]])
 
     period = 17 * 2 * np.pi / omega
-    d = float(Train(load({"system": TRAIN | {"meshes": [mesh]}}).system).teeth_of(0).pairs[0].contact_ratio) - 1
+    d = float(Train(load({"system": TRAIN | {"meshes": [mesh]}}).system).pair_teeth[0].pairs[0].contact_ratio) - 1
     edges = np.unique(np.concatenate([np.arange(18), np.arange(17) + d])) * 2 * np.pi / omega
     y = np.array([1.0, 0.0, 0.0, 1.0])
     for begin, end in pairwise(edges):

@@ -168,7 +168,7 @@ def test_functions_too_rough_for_series_are_refused(monkeypatch: pytest.MonkeyPa
 def test_cells_hold_the_functions() -> None:
     """At places of their own, to rounding."""
     prepared = model(*CASES["many harmonics"])
-    table = follow.timetable(prepared, 1e-12)
+    table = follow.timetable(prepared)
     u = np.linspace(0.01, 0.99, 7)
     tau = table.span[:, :1] + u * np.diff(table.span)
     values = np.einsum("xk,ckj->cxj", np.vander(u, table.order, increasing=True), table.shapes)
@@ -212,8 +212,8 @@ class TestArguments:
 
         system, omega = CASES["planets"]
         prepared = model(system, omega)
-        course = follow.ContactCourse.of(prepared, 1e-12)
-        motion = follow.follow(course, prepared.motion.state(*pushed(system)), 1e-12)
+        course = follow.ContactCourse.of(prepared)
+        motion = follow.follow(course, prepared.motion.state(*pushed(system)))
         monkeypatch.setattr(ckernel, "library", Library())
         with pytest.raises(follow.Chatter):
             next(motion)

@@ -83,6 +83,23 @@ def start(config: Path, out: Path, jobs: int, *more: str) -> subprocess.Popen[st
     return process
 
 
+def end(process: subprocess.Popen[str], number: int, seconds: float) -> None:
+    """Send a signal to a sweep that is not done after so many seconds; it ends without a traceback."""
+    try:
+        _, said = process.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        process.send_signal(number)
+        _, said = process.communicate(timeout=120)
+    assert "Traceback" not in said
+    assert process.returncode in (0, 130, -number), said
+
+
+def finish(process: subprocess.Popen[str]) -> None:
+    """Wait for a sweep that ends well."""
+    _, said = process.communicate(timeout=300)
+    assert process.returncode == 0, said
+
+
 def processes_in(folder: Path) -> list[str]:
     """The processes that work in a folder, as all do of a sweep started there; none where the system does not tell."""
     found = []
@@ -132,27 +149,17 @@ def test_ended_at_random_moments(
         monkeypatch.setattr(sys.modules["gearstab.sweep.plan"], "MOST", SMALL)
         assert plan(load(config)).blocks >= FEWEST
         begun = monotonic()
-        process = start(config, out, 1)
-        _, said = process.communicate(timeout=300)
-        assert process.returncode == 0, said
+        finish(start(config, out, 1))
         whole[name] = monotonic() - begun, data_of(out)
         out.unlink()
     seconds, expected = whole[name]
     moments = random.Random(f"{name} {seed}")
     for _ in range(moments.randint(1, MOST)):
         process, number = start(config, out, moments.choice([1, 2])), moments.choice(SIGNALS)
-        try:
-            _, said = process.communicate(timeout=moments.uniform(0.2, 1.0) * seconds)
-        except subprocess.TimeoutExpired:
-            process.send_signal(number)
-            _, said = process.communicate(timeout=120)
-        assert "Traceback" not in said
-        assert process.returncode in (0, 130, -number), said
+        end(process, number, moments.uniform(0.2, 1.0) * seconds)
         # What is there under its name is whole.
         assert not out.exists() or data_of(out) == expected
-    process = start(config, out, 2)
-    _, said = process.communicate(timeout=300)
-    assert process.returncode == 0, said
+    finish(start(config, out, 2))
     assert data_of(out) == expected
     assert none_left(tmp_path), processes_in(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.h5", "train.yaml"]
@@ -163,22 +170,14 @@ def test_workers_of_its_own_end_with_a_sweep(tmp_path: Path, number: int) -> Non
     pytest.importorskip("distributed")
     config, out = written(tmp_path, text_of("boundaries"), "train.yaml"), tmp_path / "out.h5"
     begun = monotonic()
-    _, said = (process := start(config, out, 2, "--scheduler", "local")).communicate(timeout=300)
-    assert process.returncode == 0, said
+    finish(start(config, out, 2, "--scheduler", "local"))
     seconds, expected = monotonic() - begun, data_of(out)
     out.unlink()
     moments = random.Random(f"workers {number}")
     for _ in range(MOST):
         process = start(config, out, 2, "--scheduler", "local")
-        try:
-            _, said = process.communicate(timeout=moments.uniform(0.2, 1.0) * seconds)
-        except subprocess.TimeoutExpired:
-            process.send_signal(number)
-            _, said = process.communicate(timeout=120)
-        assert "Traceback" not in said
-        assert process.returncode in (0, 130, -number), said
+        end(process, number, moments.uniform(0.2, 1.0) * seconds)
         assert none_left(tmp_path), processes_in(tmp_path)
-    _, said = (process := start(config, out, 2)).communicate(timeout=300)
-    assert process.returncode == 0, said
+    finish(start(config, out, 2))
     assert data_of(out) == expected
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.h5", "train.yaml"]

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.response.backlash.continuation import CLOSED, DOUBLING, FOLD, MORE, Curve, StepLimits
+from gearstab.response.backlash.continuation import CLOSED, DOUBLING, FOLD, Point
 from gearstab.response.backlash.history import repetition
-from gearstab.response.backlash.motions import BRANCH_FLAGS, KINDS, MOST_BRANCHES, Branch, BranchMotion, stability
-from gearstab.response.backlash.sections import Lap, Point, SectionMap
-from gearstab.response.backlash.switching import grazing_between, leaving
+from gearstab.response.backlash.motions import BRANCH_FLAGS, BY_MESH, KINDS, Branch
+from gearstab.response.backlash.switching import Branches, leaving
 from gearstab.system import Array
 
-SAME = 1e-6
-"""Difference of two motions, in units of the state, below which they are one."""
 BEYOND = 2e-3
 """Part of the range by which the speed goes past the end of stable motions, to see what follows."""
 FAR = 3.0
@@ -40,30 +37,8 @@ class Starts:
     seed: int = 0
 
 
-class BranchSearch:
-    """The branches of one system over its mesh frequency, or the parameter of its section map.
-
-    limits: of every branch;  follow: where those that leave are followed, too: at period doublings, at branch points.
-    found: the branches;  unit: of the state, the extent of the first motion.
-    jumps: by branch and motion where a stable motion ends: 1 where it does as the parameter rises, -1 as it falls, and
-        the branch and motion next to the one that follows, None where that is not known.
-    """
-
-    def __init__(self, laps: SectionMap, limits: StepLimits, follow: Container[str] = ()) -> None:
-        self.laps, self.limits, self.follow = laps, limits, follow
-        self.span = limits.high - limits.low
-        self.unit = 1.0
-        self.found: list[Branch] = []
-        self.jumps: dict[tuple[int, int], tuple[int, tuple[int, int] | None]] = {}
-
-    @property
-    def points(self) -> int:
-        """How many motions have been found."""
-        return sum(len(branch.motions) for branch in self.found)
-
-    def curve(self, periods: int) -> Curve:
-        """The motions that repeat themselves after so many common periods."""
-        return Curve(lambda x, value: self.laps.lap(x, value, periods), self.unit, self.span)
+class BranchSearch(Branches):
+    """The branches of one system over its mesh frequency, or the parameter of its section map."""
 
     def run(self, starts: Starts) -> list[Branch]:
         """Follow the branch of every start that is on none that is known, and what leaves it."""
@@ -88,10 +63,6 @@ class BranchSearch:
             self.add(self._both_ways(point, periods))
             place = self.place(point, periods)
         return place
-
-    def room(self) -> bool:
-        """Whether another branch may be followed."""
-        return self.points + 4 < self.limits.most and len(self.found) < MOST_BRANCHES
 
     def _count(self, value: float, cycles: float) -> int:
         """Common periods in so many cycles of the first mesh."""
@@ -127,55 +98,11 @@ class BranchSearch:
         up, last = self.one_way(start, np.append(np.zeros(len(start.x)), 1.0), periods, 1 + len(down))
         return Branch((*reversed(down), self.motion(start), *up), periods, (first, last))
 
-    def one_way(
-        self, start: Point, along: Array, periods: int, known: int, most: int | None = None
-    ) -> tuple[list[BranchMotion], str]:
-        """Motions from the start on, so many at most, and why they end; known: of the branch, that count already."""
-        motions: list[BranchMotion] = []
-        left = self.limits.most - self.points - known
-        limits = replace(self.limits, most=left if most is None else min(most, left))
-        curve, before = self.curve(periods), start
-        for item in curve.follow(start, along, limits):
-            if isinstance(item, str):
-                return motions, item
-            found = [grazing_between(curve, before, item), item]
-            motions += [self.motion(point) for point in found if point is not None][: limits.most - len(motions)]
-            if len(motions) >= limits.most:
-                break
-            before = item
-        return motions, MORE
-
-    def motion(self, point: Point) -> BranchMotion:
-        """Sum up a point; the motion itself, which takes far more memory, is let go."""
-        lap = point.visit
-        assert isinstance(lap, Lap)
-        found = stability(self.laps, lap, point.parameter)
-        own = point.x, point.parameter, point.kind or "none", point.multiplicity, point.vector
-        return BranchMotion(*own, found, lap.cycle, lap.grazing)
-
     def add(self, branch: Branch) -> None:
         """Take a branch, and what leaves it if that is asked for."""
         self.found.append(branch)
-        leaving(self, len(self.found) - 1)
-
-    def place(self, point: Point, periods: int) -> tuple[int, int] | None:
-        """Branch and motion next to a motion, begun at any of its periods; None where it is on no known branch."""
-        lap = point.visit
-        assert isinstance(lap, Lap)
-        phases = lap.sections()[:periods]
-        for number, branch in enumerate(self.found):
-            if branch.periods != periods:
-                continue
-            for k, guess, extent in branch.between(point.parameter):
-                if np.abs(phases - guess).max(axis=1).min() > extent + SAME * self.unit:
-                    continue
-                try:
-                    there = self.curve(periods).at(guess, point.parameter)
-                except ArithmeticError:
-                    continue
-                if np.abs(phases - there.x).max(axis=1).min() <= SAME * self.unit:
-                    return number, k
-        return None
+        for further in leaving(self, len(self.found) - 1):
+            self.add(further)
 
     def _ends(self, number: int, k: int) -> tuple[int, Array]:
         """Whether a stable motion ends at a motion of a branch: 1 if in rising speed, -1 if in falling, else 0.
@@ -211,52 +138,14 @@ class BranchSearch:
             return None
 
 
-@dataclass(frozen=True)
-class BranchTable:
-    """The motions of B branches, each filled up to ``points`` (N).
+def table(search: BranchSearch, count: int, points: int, multipliers: int, meshes: int) -> dict[str, Array]:
+    """Arrange what was found of a system of so many meshes, by variable, in so many rows (B) at least.
 
-    mesh_frequency: ``(B, N)``, or the value of the parameter that was followed;  period, parent: ``(B,)``.
-    amplitude_rms, amplitude_peak: ``(B, N)``, of the mesh where each is largest.
-    stable, event, multiplicity, loss, multiplier_error, residual: ``(B, N)``;  multipliers: ``(B, N, multipliers)``.
-    transmission_error_rms, transmission_error_peak_to_peak, mesh_force_peak, contact_loss_ratio: ``(B, N, meshes)``.
-    jump: ``(B, N)``, 1 where a stable motion ends in rising speed, -1 in falling.
-    landing_branch, landing_point: ``(B, N)``, where the motion is next to the one that follows, -1 for nowhere.
-    status: ``(B, N)``, bits of BRANCH_FLAGS.
-    """
-
-    mesh_frequency: Array
-    amplitude_rms: Array
-    amplitude_peak: Array
-    stable: Array
-    multipliers: Array
-    multiplier_error: Array
-    loss: Array
-    event: Array
-    multiplicity: Array
-    period: Array
-    parent: Array
-    residual: Array
-    mesh_force_peak: Array
-    transmission_error_peak_to_peak: Array
-    transmission_error_rms: Array
-    contact_loss_ratio: Array
-    jump: Array
-    landing_branch: Array
-    landing_point: Array
-    status: Array
-
-
-BY_MESH = {
-    "transmission_error_rms": "rms", "transmission_error_peak_to_peak": "peak_to_peak",
-    "mesh_force_peak": "force_peak", "contact_loss_ratio": "contact_loss",
-}  # fmt: skip
-"""Variables of every mesh, and the measures of a motion that they are."""
-
-
-def table(search: BranchSearch, count: int, points: int, multipliers: int, meshes: int) -> BranchTable:
-    """Arrange what was found of a system of so many meshes, in so many rows at least.
-
-    multipliers: columns for them, as many as there are.
+    Each branch is filled up to ``points`` (N), and has columns for so many multipliers. mesh_frequency ``(B, N)``: or
+    the value of the parameter that was followed. period, parent: ``(B,)``. amplitude_rms, amplitude_peak: ``(B, N)``,
+    of the mesh where each is largest. Those of BY_MESH: ``(B, N, meshes)``. jump: ``(B, N)``, 1 where a stable motion
+    ends in rising speed, -1 in falling; landing_branch, landing_point: where the motion is next to the one that
+    follows, -1 for nowhere. status: ``(B, N)``, bits of BRANCH_FLAGS.
     """
     shape = max(count, len(search.found)), points
     found: dict[str, Array] = {name: np.full(shape, np.nan) for name in (
@@ -274,7 +163,7 @@ def table(search: BranchSearch, count: int, points: int, multipliers: int, meshe
         found["jump"][place] = sign
         if landing is not None:
             found["landing_branch"][place], found["landing_point"][place] = landing
-    return BranchTable(**found)
+    return found
 
 
 def _enter(row: dict[str, Array], branch: Branch) -> None:

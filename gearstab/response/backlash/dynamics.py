@@ -158,6 +158,8 @@ REACH, DEGREE = 2.0, 24
 """|G| of a piece, and the degree of its Taylor series: 2^25/25! = 2e-18."""
 NODES = 16
 """Chebyshev nodes of a cell where functions vary."""
+TOLERANCE = 1e-12
+"""Error of the motion where functions vary smoothly, relative, in a piece of it."""
 MOST_HALVINGS = 40
 
 
@@ -221,9 +223,9 @@ class Dynamics:
         return np.asarray(constant + np.tensordot(values, parts, axes=1))
 
 
-def too_rough(tolerance: float) -> NotPossible:
+def too_rough() -> NotPossible:
     """Message where no piece is short enough."""
-    return NotPossible(f"mesh stiffness too rough for the tolerance {tolerance:g} of motion with backlash")
+    return NotPossible(f"mesh stiffness too rough for the tolerance {TOLERANCE:g} of motion with backlash")
 
 
 def dynamics(system: GearSystem, motion: Driven, teeth: Play) -> Dynamics:

@@ -111,7 +111,7 @@ class Timetable:
         return self.shapes.shape[1]
 
 
-def timetable(dynamics: d.Dynamics, tolerance: float) -> Timetable:
+def timetable(dynamics: d.Dynamics) -> Timetable:
     """Divide the common period. Raises NotPossible where that takes too many series."""
     motion = dynamics.motion
     edges = motion.points.edges[0]
@@ -119,12 +119,12 @@ def timetable(dynamics: d.Dynamics, tolerance: float) -> Timetable:
     if motion.drive.exact:
         shapes = dynamics.values(spans.mean(axis=1))[:, None]
     else:
-        spans, waves = _series(dynamics, spans, tolerance)
+        spans, waves = _series(dynamics, spans)
         shapes = d.POWERS @ waves
     return Timetable(spans, shapes, dynamics.scale * motion.drive.z(spans[:, 0]))
 
 
-def _series(dynamics: d.Dynamics, spans: Array, tolerance: float) -> tuple[Array, Array]:
+def _series(dynamics: d.Dynamics, spans: Array) -> tuple[Array, Array]:
     """Halve spans of tau until all their Chebyshev series end; in order of time."""
     known: list[tuple[Array, Array]] = []
     before = np.full((len(spans), dynamics.parts.shape[0]), np.inf)
@@ -138,7 +138,7 @@ def _series(dynamics: d.Dynamics, spans: Array, tolerance: float) -> tuple[Array
         known.append((spans[done], waves[done]))
         low, high = spans[~done].T
         if 2 * len(low) + sum(len(part) for part, _ in known) > MOST_CELLS:
-            raise d.too_rough(tolerance)
+            raise d.too_rough()
         middle, before = 0.5 * (low + high), np.concatenate([rest[~done]] * 2)
         spans = np.concatenate([np.stack([low, middle], axis=1), np.stack([middle, high], axis=1)])
     found, series = (np.concatenate(parts) for parts in zip(*known, strict=True))
@@ -197,9 +197,9 @@ class ContactCourse:
     fastest: float
 
     @classmethod
-    def of(cls, dynamics: d.Dynamics, tolerance: float) -> ContactCourse:
+    def of(cls, dynamics: d.Dynamics) -> ContactCourse:
         """Prepare. Raises NotPossible where that takes too many series."""
-        table, m = timetable(dynamics, tolerance), dynamics.size
+        table, m = timetable(dynamics), dynamics.size
         closed = dynamics.generator(table.shapes[:1, 0], np.full(len(dynamics.teeth.has), UPPER))[0]
         fastest = np.abs(np.linalg.eigvals(closed[:m, :m])).max() / (2 * np.pi)
         return cls(dynamics, table, Contacts(dynamics), float(fastest))
@@ -209,17 +209,12 @@ class ContactCourse:
         model = self.dynamics.at(omega)
         return replace(self, dynamics=model, contacts=Contacts(model, contacts))
 
-    @property
-    def busiest(self) -> float:
-        """How many events a common period may have: by the vibrations of the fastest mode in it."""
-        return BUSY + 10 * self.fastest * self.dynamics.motion.period
 
-
-def follow(course: ContactCourse, x: Array, tolerance: float) -> Iterator[Track]:
+def follow(course: ContactCourse, x: Array) -> Iterator[Track]:
     """The motion from the state x at t = 0 on, without end.
 
     Raises Chatter, OverflowError where the motion outgrows double precision, and NotPossible where smooth functions are
-    too rough for the tolerance.
+    too rough.
     """
     dynamics, table, contacts = course.dynamics, course.table, course.contacts
     motion, teeth, span = dynamics.motion, dynamics.teeth, table.span * dynamics.motion.period
@@ -228,9 +223,9 @@ def follow(course: ContactCourse, x: Array, tolerance: float) -> Iterator[Track]
     marks = np.concatenate([[0, 0, -1, 0, 0], teeth.contact(dynamics.gauge @ y)]).astype(np.int64)
     state = np.concatenate([span[:1, 0], y])
     limits = np.where(teeth.has, [teeth.low, teeth.high], 0.0).T.copy()
-    most_events = int(min(course.busiest, 2.0**62))
+    most_events = int(min(BUSY + 10 * course.fastest * motion.period, 2.0**62))
     settings = (
-        motion.period, float(motion.basis.rate[0]), tolerance, d.REACH, PENETRATION, ROUNDING, GRAZING,
+        motion.period, float(motion.basis.rate[0]), d.TOLERANCE, d.REACH, PENETRATION, ROUNDING, GRAZING,
         AT_ONCE, LARGEST, SMALLEST,
     )  # fmt: skip
     given = [np.ascontiguousarray(part) for part in (span, table.shapes, table.start, dynamics.gauge, limits)]
@@ -261,6 +256,6 @@ def follow(course: ContactCourse, x: Array, tolerance: float) -> Iterator[Track]
         elif why == OUTGROWN:
             raise OverflowError
         elif why == ROUGH:
-            raise d.too_rough(tolerance)
+            raise d.too_rough()
         elif room < most:
             room = min(2 * room, most)

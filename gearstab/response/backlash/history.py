@@ -70,7 +70,6 @@ def backlash_response(
     start: tuple[Array, Array] | None = None,
     samples_per_cycle: int = 200,
     discard: float | None = None,
-    tolerance: float = 1e-12,
 ) -> BacklashResponse:
     """The vibration with loss of contact,
 
@@ -90,7 +89,6 @@ def backlash_response(
     samples_per_cycle: equal steps in a period of the first mesh; they do not affect the accuracy.
     discard: the time that is left out of the summary, rounded up to whole common periods where there are any after
         it; default half of the duration.
-    tolerance: of the motion where functions vary smoothly, relative, in a piece of it.
 
     Raises
     ------
@@ -107,7 +105,7 @@ def backlash_response(
     grid = motion.drive.counts[0] * samples_per_cycle
     meter = Meter(model, 0.5 * duration if discard is None else discard, duration)
     run = Recording(model, grid, samples_until(duration, motion.period / grid), meter)
-    run.follow(motion.state(*start), tolerance)
+    run.follow(motion.state(*start))
     return _assembled(system, run, start)
 
 
@@ -122,11 +120,11 @@ class Recording:
         self.flags = 0
         self.known = 0
 
-    def follow(self, x: Array, tolerance: float) -> None:
+    def follow(self, x: Array) -> None:
         """Follow the motion from the state x until all samples are known, or to where it ends."""
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                for track in follow(ContactCourse.of(self.model, tolerance), x, tolerance):
+                for track in follow(ContactCourse.of(self.model), x):
                     self._add(track)
                     if self.known >= self.wanted:
                         break

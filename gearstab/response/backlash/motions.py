@@ -14,10 +14,10 @@ import numpy as np
 from gearstab.floquet import solve
 from gearstab.modal import mean_modes, static_mesh_force
 from gearstab.propagation.first_order import bases
-from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, FOLD, NEIMARK_SACKER, Curve
+from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, FOLD, NEIMARK_SACKER, Curve, NoPoint
 from gearstab.response.backlash.dynamics import resting
 from gearstab.response.backlash.history import BACKLASH_FLAGS, LimitCycle, Meter, Recording, elastic
-from gearstab.response.backlash.sections import Lap, NoPoint, SectionMap
+from gearstab.response.backlash.sections import Lap, SectionMap
 from gearstab.response.steady import driven, unbalanced
 from gearstab.system import Array, GearSystem
 
@@ -137,31 +137,11 @@ class Branch:
 FAILED = BACKLASH_FLAGS["chatter"] | BACKLASH_FLAGS["overflow"]
 SETTLED = BACKLASH_FLAGS["separation"]
 """Flag of the settled motion only."""
-
-
-@dataclass(frozen=True)
-class SpeedCycles:
-    """Settled motion at every mesh frequency, ``(P, meshes)`` or ``(P,)``; see LimitCycle.
-
-    dynamic_load_factor: mesh_force_peak over the static mesh force; NaN where that is 0.
-    multiplier_real, multiplier_imag: ``(P, 2 n)``, of the periodic motion, descending in magnitude; NaN for no more.
-    multiplier_error: an estimate;  motion_stable: 1 stable, 0 unstable, -1 where no periodic motion is near.
-    loss: of stability, as in :mod:`gearstab.response.backlash.motions`.
-    status: bits of BACKLASH_FLAGS.
-    """
-
-    mesh_force_peak: Array
-    transmission_error_peak_to_peak: Array
-    transmission_error_rms: Array
-    dynamic_load_factor: Array
-    contact_loss_ratio: Array
-    period: Array
-    multiplier_real: Array
-    multiplier_imag: Array
-    multiplier_error: Array
-    motion_stable: Array
-    loss: Array
-    status: Array
+BY_MESH = {
+    "transmission_error_rms": "rms", "transmission_error_peak_to_peak": "peak_to_peak",
+    "mesh_force_peak": "force_peak", "contact_loss_ratio": "contact_loss",
+}  # fmt: skip
+"""Variables of every mesh, and the measures of a motion that they are."""
 
 
 def speed_cycles(
@@ -170,9 +150,13 @@ def speed_cycles(
     down: bool = False,
     cycles: float = 200,
     discard: float | None = None,
-    tolerance: float = 1e-12,
-) -> SpeedCycles:
-    """Limit cycles by continuation in the mesh frequency.
+) -> dict[str, Array]:
+    """Limit cycles by continuation in the mesh frequency: measures of the settled motion, by variable.
+
+    Those of BY_MESH: ``(P, meshes)``. dynamic_load_factor: mesh_force_peak over the static mesh force, NaN where that
+    is 0. multiplier_real, multiplier_imag: ``(P, 2 n)``, of the periodic motion, descending in magnitude, NaN for no
+    more; multiplier_error: an estimate. motion_stable: 1 stable, 0 unstable, -1 where no periodic motion is near. loss:
+    of LOSSES. status: bits of BACKLASH_FLAGS.
 
     The first motion begins in static equilibrium, every other one in the last state of the one before: where several
     motions are stable, a run-up and a run-down may show different ones. The part of the load that would accelerate the
@@ -185,7 +169,6 @@ def speed_cycles(
     down: from the largest frequency to the smallest one.
     cycles, discard: of the first mesh, at every frequency, rounded up to whole common periods; of the former, the
         latter (default half) are left for the motion to settle.
-    tolerance: of the motion where functions vary smoothly, relative, in a piece of it.
 
     Raises ValueError as :func:`~gearstab.response.backlash.history.backlash_response`.
     """
@@ -207,7 +190,7 @@ def speed_cycles(
         model = laps.at(float(omega[k])).model
         period = model.motion.period
         run = Recording(model, 1, periods + 1, Meter(model, left_out * period, periods * period))
-        run.follow(model.motion.state(*start), tolerance)
+        run.follow(model.motion.state(*start))
         status[k] |= run.flags & ~SETTLED
         if run.flags & FAILED:
             start = equilibrium, rest
@@ -223,7 +206,7 @@ def speed_cycles(
 
 
 def _multipliers(found: list[MotionStability | None], most: int) -> dict[str, Array]:
-    """Stability in SpeedCycles; most: multipliers."""
+    """Variables of the stability; most: multipliers."""
     values = np.full((len(found), most), np.nan, dtype=complex)
     for k, one in enumerate(found):
         if one is not None:
@@ -243,17 +226,17 @@ def _elastic(system: GearSystem, q: Array) -> Array:
     return np.asarray(q - rigid @ (rigid.T @ (np.asarray(system.mass) @ q)))
 
 
-def _table(found: list[LimitCycle | None], multipliers: dict[str, Array], status: Array, static: Array) -> SpeedCycles:
+def _table(
+    found: list[LimitCycle | None], multipliers: dict[str, Array], status: Array, static: Array
+) -> dict[str, Array]:
     nothing = np.full(static.shape, np.nan)
 
     def column(name: str) -> Array:
         return np.stack([nothing if cycle is None else getattr(cycle, name) for cycle in found])
 
-    force = column("force_peak")
+    table = {name: column(measure) for name, measure in BY_MESH.items()}
     with np.errstate(divide="ignore", invalid="ignore"):
-        factor = np.where(static != 0, force / np.abs(static), np.nan)
+        factor = np.where(static != 0, table["mesh_force_peak"] / np.abs(static), np.nan)
     period = np.array([0 if cycle is None else cycle.period for cycle in found])
-    return SpeedCycles(
-        force, column("peak_to_peak"), column("rms"), factor, column("contact_loss"), period, **multipliers,
-        status=status.astype(np.int16),
-    )  # fmt: skip
+    own = {"dynamic_load_factor": factor, "period": period, "status": status.astype(np.int16)}
+    return {**table, **own, **multipliers}

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
-from typing import Protocol
 
 import numpy as np
 
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.propagation.first_order import bases
-from gearstab.response.backlash.dynamics import Dynamics, dynamics, play, resting
+from gearstab.response.backlash.dynamics import TOLERANCE, Dynamics, dynamics, play, resting
 from gearstab.response.backlash.follow import Chatter, ContactCourse, Contacts, Track, follow
 from gearstab.response.backlash.history import LimitCycle, Meter, elastic, factors
 from gearstab.response.steady import Driven, balanced, driven
@@ -32,7 +31,6 @@ class Lap:
     start: Array
     end: Array
     track: Track
-    tolerance: float
     elastic: Array
     basis: Array
 
@@ -89,7 +87,7 @@ class Lap:
         _, vectors = np.linalg.eig(self.derivative)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             condition = np.linalg.cond(vectors)
-        own = ROUNDING if self.model.motion.drive.exact else self.tolerance
+        own = ROUNDING if self.model.motion.drive.exact else TOLERANCE
         rounding = own * len(self.factors) * max(1.0, float(np.linalg.norm(self.derivative)))
         difference = float(np.linalg.norm(following.derivative - self.derivative))
         return float(condition * (rounding + difference))
@@ -134,18 +132,16 @@ class SectionMap:
     States are elastic ones of the system itself, also where the modes change with the parameter. The part of a load
     that accelerates the train is left out.
 
-    tolerance: of the motion where functions vary smoothly, relative, in a piece of it.
     along: the system by the parameter, where that is not the mesh frequency, which then is ``omega``.
     """
 
     def __init__(
         self,
         system: GearSystem,
-        tolerance: float = 1e-12,
         along: Callable[[float], GearSystem] | None = None,
         omega: float = 1.0,
     ) -> None:
-        self.tolerance, self.along, self.omega = tolerance, along, omega
+        self.along, self.omega = along, omega
         self.own, self.motion = self._driven(system)
         self.teeth = play(system)
         self.at = lru_cache(maxsize=4)(self._at)
@@ -161,7 +157,7 @@ class SectionMap:
         if self.along is None:
             return self._at_speed(parameter)
         system, motion = self._driven(self.along(parameter))
-        course = ContactCourse.of(dynamics(system, motion, play(system)), self.tolerance)
+        course = ContactCourse.of(dynamics(system, motion, play(system)))
         kept = elastic(course.dynamics)
         basis = np.column_stack([motion.state(*pair)[kept] for pair in zip(*self._reference.physical(), strict=True)])
         return Prepared(system, course, kept, basis)
@@ -170,7 +166,7 @@ class SectionMap:
         """The system itself at a mesh frequency: of the first one that was asked for, if modes do not depend on it."""
         first = self._first
         if first is None or self.motion.whole.form.by_speed is not None:
-            course = ContactCourse.of(dynamics(self.own, replace(self.motion, omega=omega), self.teeth), self.tolerance)
+            course = ContactCourse.of(dynamics(self.own, replace(self.motion, omega=omega), self.teeth))
             kept = elastic(course.dynamics)
             found = self._first = Prepared(self.own, course, kept, np.eye(int(np.count_nonzero(kept))))
         else:
@@ -181,7 +177,7 @@ class SectionMap:
     @cached_property
     def _reference(self) -> Prepared:
         """The system itself, whose states are those of the map."""
-        return SectionMap(self.own, self.tolerance).at(self.omega)
+        return SectionMap(self.own).at(self.omega)
 
     def lap(self, start: Array, parameter: float, periods: int = 1) -> Lap:
         """Follow the motion from the elastic state at the beginning of a common period.
@@ -195,7 +191,7 @@ class SectionMap:
         tracks: list[Track] = []
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                for track in follow(own.course, x, self.tolerance):
+                for track in follow(own.course, x):
                     tracks.append(track)
                     if track.period[-1] >= periods:
                         break
@@ -204,7 +200,7 @@ class SectionMap:
         last = tracks[-1]
         until = int(np.argmax(last.period >= periods))
         end = np.linalg.solve(basis, last.powers[until, 0, : model.size][kept])
-        return Lap(model, periods, start, end, joined([*tracks[:-1], last[:until]]), self.tolerance, kept, basis)
+        return Lap(model, periods, start, end, joined([*tracks[:-1], last[:until]]), kept, basis)
 
 
 def joined(tracks: list[Track]) -> Track:
@@ -213,44 +209,3 @@ def joined(tracks: list[Track]) -> Track:
         return tracks[0]
     parts = {part.name: [getattr(track, part.name) for track in tracks] for part in fields(Track)}
     return Track(**{name: np.concatenate(values) for name, values in parts.items()})
-
-
-OUTSIDE = 1e-9
-"""Excess of the magnitude of a multiplier over 1 from which on it counts as outside."""
-
-
-class Visit(Protocol):
-    """Values of a map at a point: its image, DP ``(m, m)`` there, and its eigenvalues of descending magnitude."""
-
-    @property
-    def end(self) -> Array: ...
-    @property
-    def derivative(self) -> Array: ...
-    @property
-    def multipliers(self) -> Array: ...
-
-
-@dataclass(frozen=True)
-class Point:
-    """A fixed point.
-
-    x: ``(m,)``;  parameter: p;  visit: what the map says there.
-    kind: what crosses the unit circle there, "" for nothing;  multiplicity: how many multipliers (a pair counts once).
-    vector: ``(m, multiplicity)``, directions that belong to them, real where they are.
-    """
-
-    x: Array
-    parameter: float
-    visit: Visit
-    kind: str = ""
-    multiplicity: int = 0
-    vector: Array | None = None
-
-    @property
-    def outside(self) -> int:
-        """The number of multipliers outside of the unit circle."""
-        return int(np.count_nonzero(np.abs(self.visit.multipliers) > 1 + OUTSIDE))
-
-
-class NoPoint(ArithmeticError):
-    """Newton's method finds no point."""

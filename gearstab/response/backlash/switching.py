@@ -14,17 +14,16 @@ Source: Seydel 2010, chapter 5; Golubitsky, Stewart & Schaeffer 1988, chapter XI
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container
+from collections.abc import Container, Iterator
 from dataclasses import replace
 from itertools import combinations
-from typing import Protocol
 
 import numpy as np
 from scipy.linalg import qr
 
-from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, FOLD, Curve, StepLimits
-from gearstab.response.backlash.motions import GRAZING, Branch, BranchMotion
-from gearstab.response.backlash.sections import Lap, Point, SectionMap
+from gearstab.response.backlash.continuation import BRANCHING, DOUBLING, FOLD, MORE, Curve, Point, StepLimits
+from gearstab.response.backlash.motions import GRAZING, MOST_BRANCHES, Branch, BranchMotion, stability
+from gearstab.response.backlash.sections import Lap, SectionMap
 from gearstab.system import Array
 
 UNDISTURBED = 1e-10
@@ -33,6 +32,8 @@ SMALLEST = 1e-3
 """Amplitude, in units of the state, with which a branch that leaves begins."""
 ALONG = 0.3
 """Part of a direction at right angles to the branch, below which it is the branch itself."""
+SAME = 1e-6
+"""Difference of two motions, in units of the state, below which they are one."""
 COMPARED = 8
 """The motion by which two branches are told apart: nearer to where they leave all are alike."""
 ALIKE = 1e-6
@@ -43,28 +44,83 @@ LEFT = {DOUBLING: "doubling", BRANCHING: "branch_point", FOLD: "branch_point"}
 """How the branch begins that leaves there."""
 
 
-class Followed(Protocol):
-    """Interface of a search of branches to those that look for branches leaving others."""
+class Branches:
+    """The branches that are known of one system over its mesh frequency, or the parameter of its section map.
 
-    laps: SectionMap
-    limits: StepLimits
-    follow: Container[str]
-    found: list[Branch]
-    unit: float
-    span: float
+    limits: of every branch;  follow: where those that leave are followed, too: at period doublings, at branch points.
+    found: the branches;  unit: of the state, the extent of the first motion.
+    jumps: by branch and motion where a stable motion ends: 1 where it does as the parameter rises, -1 as it falls, and
+        the branch and motion next to the one that follows, None where that is not known.
+    """
 
-    def curve(self, periods: int) -> Curve: ...
-    def room(self) -> bool: ...
-    def place(self, point: Point, periods: int) -> tuple[int, int] | None: ...
-    def motion(self, point: Point) -> BranchMotion: ...
-    def add(self, branch: Branch) -> None: ...
+    def __init__(self, laps: SectionMap, limits: StepLimits, follow: Container[str] = ()) -> None:
+        self.laps, self.limits, self.follow = laps, limits, follow
+        self.span = limits.high - limits.low
+        self.unit = 1.0
+        self.found: list[Branch] = []
+        self.jumps: dict[tuple[int, int], tuple[int, tuple[int, int] | None]] = {}
+
+    @property
+    def points(self) -> int:
+        """How many motions have been found."""
+        return sum(len(branch.motions) for branch in self.found)
+
+    def curve(self, periods: int) -> Curve:
+        """The motions that repeat themselves after so many common periods."""
+        return Curve(lambda x, value: self.laps.lap(x, value, periods), self.unit, self.span)
+
+    def room(self) -> bool:
+        """Whether another branch may be followed."""
+        return self.points + 4 < self.limits.most and len(self.found) < MOST_BRANCHES
+
     def one_way(
         self, start: Point, along: Array, periods: int, known: int, most: int | None = None
-    ) -> tuple[list[BranchMotion], str]: ...
+    ) -> tuple[list[BranchMotion], str]:
+        """Motions from the start on, so many at most, and why they end; known: of the branch, that count already."""
+        motions: list[BranchMotion] = []
+        left = self.limits.most - self.points - known
+        limits = replace(self.limits, most=left if most is None else min(most, left))
+        curve, before = self.curve(periods), start
+        for item in curve.follow(start, along, limits):
+            if isinstance(item, str):
+                return motions, item
+            found = [grazing_between(curve, before, item), item]
+            motions += [self.motion(point) for point in found if point is not None][: limits.most - len(motions)]
+            if len(motions) >= limits.most:
+                break
+            before = item
+        return motions, MORE
+
+    def motion(self, point: Point) -> BranchMotion:
+        """Sum up a point; the motion itself, which takes far more memory, is let go."""
+        lap = point.visit
+        assert isinstance(lap, Lap)
+        found = stability(self.laps, lap, point.parameter)
+        own = point.x, point.parameter, point.kind or "none", point.multiplicity, point.vector
+        return BranchMotion(*own, found, lap.cycle, lap.grazing)
+
+    def place(self, point: Point, periods: int) -> tuple[int, int] | None:
+        """Branch and motion next to a motion, begun at any of its periods; None where it is on no known branch."""
+        lap = point.visit
+        assert isinstance(lap, Lap)
+        phases = lap.sections()[:periods]
+        for number, branch in enumerate(self.found):
+            if branch.periods != periods:
+                continue
+            for k, guess, extent in branch.between(point.parameter):
+                if np.abs(phases - guess).max(axis=1).min() > extent + SAME * self.unit:
+                    continue
+                try:
+                    there = self.curve(periods).at(guess, point.parameter)
+                except ArithmeticError:
+                    continue
+                if np.abs(phases - there.x).max(axis=1).min() <= SAME * self.unit:
+                    return number, k
+        return None
 
 
-def leaving(search: Followed, parent: int) -> None:
-    """Follow all branches that leave a known one, and add them to the search."""
+def leaving(search: Branches, parent: int) -> Iterator[Branch]:
+    """Follow all branches that leave a known one, each when the ones before it are known."""
     branch = search.found[parent]
     for number, motion in enumerate(branch.motions):
         at = BRANCHING if motion.kind == FOLD and motion.multiplicity > 1 else motion.kind
@@ -76,10 +132,10 @@ def leaving(search: Followed, parent: int) -> None:
         for normal in _normals(search, branch, number):
             found = _left(search, motion, normal, periods, (parent, number)) if search.room() else None
             if found is not None:
-                search.add(found)
+                yield found
 
 
-def _normals(search: Followed, branch: Branch, number: int) -> list[Array]:
+def _normals(search: Branches, branch: Branch, number: int) -> list[Array]:
     """``(m + 1,)``, of unit length, in units of the curve: across what planes branches leave a motion."""
     motion = branch.motions[number]
     assert motion.vector is not None
@@ -96,7 +152,7 @@ def _normals(search: Followed, branch: Branch, number: int) -> list[Array]:
 
 
 def _left(
-    search: Followed, motion: BranchMotion, normal: Array, periods: int, leaves: tuple[int, int]
+    search: Branches, motion: BranchMotion, normal: Array, periods: int, leaves: tuple[int, int]
 ) -> Branch | None:
     """The branch through the plane across ``normal``; None where it is known, or not found."""
     curve, first = search.curve(periods), []
@@ -119,7 +175,7 @@ def _left(
     return Branch((*first, search.motion(start), *motions), periods, (LEFT[motion.kind], end), *leaves)
 
 
-def _alike(search: Followed, motion: BranchMotion, other: Branch) -> bool:
+def _alike(search: Branches, motion: BranchMotion, other: Branch) -> bool:
     """Whether a symmetry takes a motion into one of a branch."""
     own = _signature(motion, search.unit)
     for _, guess, _ in other.between(motion.parameter):

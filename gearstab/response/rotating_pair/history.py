@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import floor, inf, tau
 
 import numpy as np
@@ -104,10 +104,9 @@ class PairResponse:
     status: int
     stalled: float
     end: float
-
     advance: float
     asked: float | None
-    predictable: float = inf
+    predictable: float
 
     @property
     def status_text(self) -> str:
@@ -161,32 +160,46 @@ def respond(
     found = list(integrate(law, state, goal, run))
     pieces = [item for item in found if isinstance(item, TimedArc)]
     events = [item for item in found if isinstance(item, Crossing)]
-    samples = _samples(pieces, step, rate, run.time, turns)
     errors, predictable = growth(law, pieces, events), inf
     if errors.first_lost is not None:
         run.status |= STATUS["unpredictable"]
         predictable = events[errors.first_lost].time / rate
-    changes = _events(pair.numbers, law, events, turns, errors)
-    response = _response(pair.numbers, law, run, samples, _sections(pair.numbers, law, events, turns), changes)
-    return replace(response, asked=cycles, predictable=predictable)
+    states, region = _samples(pieces, step * rate, run.time, turns)
+    finite = np.isfinite(states).all(axis=0)
+    kept = slice(0, len(finite) if finite.all() else int(np.argmin(finite)))
+    phi, phi_dot, theta, theta_dot = states[:, kept]
+    stiffness = np.array(law.kappa)[region[kept]] * float(pair.numbers.k0)
+    lever = 1.0 if pair.numbers.lever is None else float(pair.numbers.lever)
+    final = pieces[-1]
+    turned = final.arc.start[2] + final.arc.turned(final.duration) - pieces[0].arc.start[2]
+    with np.errstate(over="ignore", invalid="ignore"):
+        energy = total_energy(pair.numbers, law, region[kept], states[:, kept])
+    return PairResponse(
+        time=np.arange(len(phi)) * step,
+        phi=phi,
+        phi_dot=phi_dot * rate,
+        theta=theta,
+        theta_dot=theta_dot * rate,
+        energy=energy,
+        stiffness=stiffness,
+        mesh_force=stiffness * phi / lever,
+        sections=_sections(pair.numbers, law, events, turns),
+        events=_events(pair.numbers, law, events, turns, errors),
+        status=run.status,
+        stalled=run.stalled / rate,
+        end=run.time / rate,
+        advance=final.cycle + turned / tau,
+        asked=cycles,
+        predictable=predictable,
+    )
 
 
-@dataclass(frozen=True)
-class _Samples:
-    """States in units of 1/w0, the region of each, and the mesh cycles by which theta advances in the whole run.
+def _samples(pieces: list[TimedArc], step: float, end: float, turns: int) -> tuple[Array, Array]:
+    """States in units of 1/w0 at the samples ``(4, samples)``, and the region of each.
 
-    step: between the samples, s.
+    Each piece has the samples in it; its end belongs to the next one.
     """
-
-    states: Array
-    region: Array
-    advance: float
-    step: float
-
-
-def _samples(pieces: list[TimedArc], seconds: float, rate: float, end: float, turns: int) -> _Samples:
-    """Each piece at the samples in it; its end belongs to the next one."""
-    states, regions, step = [], [], seconds * rate
+    states, regions = [], []
     count = floor(end / step + MISSED) + 1
     for number, piece in enumerate(pieces):
         # A sample on an event, but for rounding, is one just after it.
@@ -198,40 +211,7 @@ def _samples(pieces: list[TimedArc], seconds: float, rate: float, end: float, tu
             phi, phi_dot, theta, speed = piece.arc.samples(times)
             states.append(np.stack([phi, phi_dot, theta + tau * (piece.cycle + turns), speed]))
             regions.append(np.full(times.size, piece.region))
-    final = pieces[-1]
-    angle = final.arc.start[2] + final.arc.turned(final.duration) - pieces[0].arc.start[2]
-    advance = final.cycle + angle / tau
-    return _Samples(np.concatenate(states, axis=1), np.concatenate(regions), advance, seconds)
-
-
-def _response(
-    numbers: PairNumbers, law: Law, run: Run, samples: _Samples, sections: Sections, events: Events
-) -> PairResponse:
-    rate, k0 = float(numbers.w0), float(numbers.k0)
-    phi, phi_dot, theta, theta_dot = samples.states
-    stiffness = np.array(law.kappa)[samples.region] * k0
-    finite = np.isfinite(samples.states).all(axis=0)
-    kept = slice(0, len(finite) if finite.all() else int(np.argmin(finite)))
-    lever = 1.0 if numbers.lever is None else float(numbers.lever)
-    with np.errstate(over="ignore", invalid="ignore"):
-        energy = total_energy(numbers, law, samples.region, samples.states)
-    return PairResponse(
-        time=np.arange(len(phi))[kept] * samples.step,
-        phi=phi[kept],
-        phi_dot=phi_dot[kept] * rate,
-        theta=theta[kept],
-        theta_dot=theta_dot[kept] * rate,
-        energy=energy[kept],
-        stiffness=stiffness[kept],
-        mesh_force=(stiffness * phi / lever)[kept],
-        sections=sections,
-        events=events,
-        status=run.status,
-        stalled=run.stalled / rate,
-        end=run.time / rate,
-        advance=samples.advance,
-        asked=None,
-    )
+    return np.concatenate(states, axis=1), np.concatenate(regions)
 
 
 def total_energy(numbers: PairNumbers, law: Law, region: Array, states: Array) -> Array:

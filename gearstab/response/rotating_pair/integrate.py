@@ -265,10 +265,15 @@ def _steps(law: Law, pieces: Sequence[TimedArc], events: Sequence[Crossing]) -> 
     passed = np.array([event.passed for event in events])
     before, after = np.array([event.before for event in events]), np.array([event.after for event in events])
     kappa, beyond = np.array(law.kappa)[region], np.array(law.kappa)[np.where(passed, 1 - region, region)]
-    derivative = _derivative(law, before, after, passed, beyond - kappa)
-    flow = _field(law, beyond, after) - np.einsum("eij,ej->ei", derivative, _field(law, kappa, before))
+    derivative = np.broadcast_to(np.eye(4), (len(events), 4, 4)).copy()
+    if law.impulsive:
+        derivative = jump_derivative(law.m, beyond - kappa, before, after[:, 3], passed)
+    m, zeta = law.follows, law.zeta
+    arriving = field(m, zeta, law.load, kappa, before, law.drive)
+    leaving = field(m, zeta, law.load, beyond, after, law.drive)
+    rates = leaving - np.einsum("eij,ej->ei", derivative, arriving)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        derivative[:, :, 2] += flow / before[:, 3, None]
+        derivative[:, :, 2] += rates / before[:, 3, None]
     rest = np.abs(law.load / kappa)
     size = np.maximum(np.abs(start[:, 0] - law.load / kappa) + rest, np.abs(start[:, 1]) / np.sqrt(kappa))
     turns = 1 + np.sqrt(kappa) * time
@@ -276,16 +281,19 @@ def _steps(law: Law, pieces: Sequence[TimedArc], events: Sequence[Crossing]) -> 
     noise = ROUNDING * np.stack([size * turns, size * turns, angle, np.abs(before[:, 3]) + size * turns], axis=-1)
     own = derivative * noise[:, None, :]
     with np.errstate(invalid="ignore"):  # a meeting at rest: infinite derivatives
-        steps = derivative @ _flow(law, kappa, time)
+        steps = derivative @ flow(m, kappa, time, free_basis(time, kappa, np.asarray(zeta)))
     return steps, own, np.maximum.accumulate(np.maximum(size, TINY))
 
 
-def _flow(law: Law, kappa: Array, time: Array) -> Array:
-    """The derivative of the state at the end of an arc by that at its beginning, ``(E, 4, 4)``."""
-    s, c, u = free_basis(time, kappa, np.asarray(law.zeta))
-    zero, one, m = np.zeros_like(time), np.ones_like(time), law.follows
+def flow(m: Array | float, kappa: Array, time: Array, basis: tuple[Array, Array, Array]) -> Array:
+    """The derivative of the state at the end of an arc by that at its beginning, ``(N, 4, 4)``.
+
+    basis: S, C and U of :func:`.motion.free_basis`.
+    """
+    s, c, u = basis
+    zero, one = np.zeros_like(time), np.ones_like(time)
     rows = [
-        [one - kappa * u, s, zero, zero],
+        [1 - kappa * u, s, zero, zero],
         [-kappa * s, c, zero, zero],
         [-m * kappa * u, m * (s - time), one, time],
         [-m * kappa * s, m * (c - 1), zero, one],
@@ -293,22 +301,20 @@ def _flow(law: Law, kappa: Array, time: Array) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def _field(law: Law, kappa: Array, state: Array) -> Array:
-    """dy/dt ``(E, 4)``."""
-    force = law.load - kappa * state[:, 0] - 2 * law.zeta * state[:, 1]
-    return np.stack(
-        [state[:, 1], force + law.follows * law.drive, state[:, 3], law.follows * force + law.drive], axis=-1
-    )
+def field(
+    m: Array | float, zeta: Array | float, force: Array | float, kappa: Array, state: Array, drive: Array | float
+) -> Array:
+    """The vector field F = (phi', phi'', theta', theta'') at states ``(N, 4)``; force: phi_s; drive: eta."""
+    acting = force - kappa * state[:, 0] - 2 * zeta * state[:, 1]
+    return np.stack([state[:, 1], acting + m * drive, state[:, 3], m * acting + drive], axis=-1)
 
 
-def _derivative(law: Law, before: Array, after: Array, passed: Array, change: Array) -> Array:
-    """DR of :meth:`~gearstab.response.rotating_pair.motion.Law.cross`, ``(E, 4, 4)``."""
+def jump_derivative(m: Array | float, change: Array, before: Array, speed: Array, passed: Array | bool = True) -> Array:
+    """DR of :meth:`.motion.Law.cross`, ``(N, 4, 4)``. change: of the stiffness; speed: theta' after the jump."""
     found = np.broadcast_to(np.eye(4), (len(before), 4, 4)).copy()
-    if not law.impulsive:
-        return found
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        by_phi = np.where(passed, -change * before[:, 0] / after[:, 3], 0.0)
-        by_speed = np.where(passed, before[:, 3] / after[:, 3], -1.0)
-    found[:, 1, 0], found[:, 1, 3] = law.m * by_phi, law.m * (by_speed - 1)
+        by_phi = np.where(passed, -change * before[:, 0] / speed, 0.0)
+        by_speed = np.where(passed, before[:, 3] / speed, -1.0)
+    found[:, 1, 0], found[:, 1, 3] = m * by_phi, m * (by_speed - 1)
     found[:, 3, 0], found[:, 3, 3] = by_phi, by_speed
     return found

@@ -348,7 +348,8 @@ def _search(arc: Arc, lower: float, upper: float, begin: float, end: float) -> E
         there = arc.turned(stop)
         if there >= upper or there <= lower:
             boundary, direction = (upper, 1) if there >= upper else (lower, -1)
-            return Exit(_root(_less(arc.turned, boundary), start, stop, value - boundary, there - boundary), direction)
+            time = _root(arc.turned, start, stop, value - boundary, there - boundary, boundary)
+            return Exit(time, direction)
         start, value = stop, there
     return None
 
@@ -381,16 +382,12 @@ def _zeros(f: Callable[[float], float], inner: Iterator[float], begin: float, en
         start, value = stop, there
 
 
-def _less(f: Callable[[float], float], level: float) -> Callable[[float], float]:
-    return lambda t: f(t) - level
-
-
-def _root(f: Callable[[float], float], a: float, b: float, fa: float, fb: float) -> float:
-    """The zero of a monotone f between a and b, to the last digits of t."""
+def _root(f: Callable[[float], float], a: float, b: float, fa: float, fb: float, level: float = 0.0) -> float:
+    """Where a monotone f meets a level between a and b, to the last digits of t; fa, fb: f less the level there."""
     if fb == 0:
         return b
     if fa * fb >= 0:
         # On the boundary, at rest or as far as rounding can tell, and on its way out.
         return a
     # To the last digit, however early the event: the tolerance is relative only.
-    return float(brentq(f, a, b, xtol=1e-300, rtol=8.9e-16, maxiter=500))
+    return float(brentq(lambda t: f(t) - level, a, b, xtol=1e-300, rtol=8.9e-16, maxiter=500))

@@ -14,6 +14,7 @@ from math import tau
 
 import numpy as np
 
+from gearstab.response.rotating_pair.integrate import field, flow, jump_derivative
 from gearstab.response.rotating_pair.motion import free_basis
 from gearstab.system import Array
 
@@ -75,7 +76,7 @@ class Leg:
 def leg(p: PeriodicProblem, region: int, start: Array, duration: Array, eta: Array) -> Leg:
     """Motion from ``start (N, 4)`` for a duration; theta counts from the start."""
     m, kappa, t = p.m, p.kappa[region], duration
-    s, c, u = free_basis(t, kappa, p.zeta)
+    s, c, u = basis = free_basis(t, kappa, p.zeta)
     phi, rate, speed = start[:, 0], start[:, 1], start[:, 3]
     rest = p.load + m * eta - kappa * phi
     free = 1 - m**2
@@ -84,22 +85,13 @@ def leg(p: PeriodicProblem, region: int, start: Array, duration: Array, eta: Arr
         [phi + step, rate + change, m * (step - rate * t) + speed * t + 0.5 * free * eta * t**2,
          speed + m * change + free * eta * t], axis=-1
     )  # fmt: skip
-    zero, one = np.zeros_like(t), np.ones_like(t)
-    rows = [
-        [1 - kappa * u, s, zero, zero],
-        [-kappa * s, c, zero, zero],
-        [-m * kappa * u, m * (s - t), one, t],
-        [-m * kappa * s, m * (c - 1), zero, one],
-    ]
-    state = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
     drive = np.stack([m * u, m * s, m**2 * u + 0.5 * free * t**2, m**2 * s + free * t], axis=-1)
-    return Leg(end, state, drive, field(p, region, end, eta))
+    return Leg(end, flow(m, kappa, t, basis), drive, field_of(p, region, end, eta))
 
 
-def field(p: PeriodicProblem, region: int, state: Array, eta: Array) -> Array:
-    """F = (phi', phi'', theta', theta''), ``(N, 4)``."""
-    force = p.load - p.kappa[region] * state[:, 0] - 2 * p.zeta * state[:, 1]
-    return np.stack([state[:, 1], force + p.m * eta, state[:, 3], p.m * force + eta], axis=-1)
+def field_of(p: PeriodicProblem, region: int, state: Array, eta: Array) -> Array:
+    """The vector field in a region, ``(N, 4)``."""
+    return field(p.m, p.zeta, p.load, p.kappa[region], state, eta)
 
 
 def jump(p: PeriodicProblem, region: int, before: Array) -> tuple[Array, Array]:
@@ -109,20 +101,17 @@ def jump(p: PeriodicProblem, region: int, before: Array) -> tuple[Array, Array]:
     """
     after = before.copy()
     after[:, 2] = 0.0
-    derivative = np.broadcast_to(np.eye(4), (len(before), 4, 4)).copy()
-    if p.impulsive:
-        change = p.kappa[1 - region] - p.kappa[region]
-        phi, speed = before[:, 0], before[:, 3]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            new = np.sqrt(speed**2 - change * phi**2)
-            by_phi, by_speed = -change * phi / new, speed / new
-            # Without the cancellation of two nearly equal speeds.
-            step = -change * phi**2 / (new + speed)
-        after[:, 1] += p.m * step
-        after[:, 3] = speed + step
-        derivative[:, 1, 0], derivative[:, 1, 3] = p.m * by_phi, p.m * (by_speed - 1)
-        derivative[:, 3, 0], derivative[:, 3, 3] = by_phi, by_speed
-    return after, derivative
+    if not p.impulsive:
+        return after, np.broadcast_to(np.eye(4), (len(before), 4, 4))
+    change = p.kappa[1 - region] - p.kappa[region]
+    phi, speed = before[:, 0], before[:, 3]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        new = np.sqrt(speed**2 - change * phi**2)
+        # Without the cancellation of two nearly equal speeds.
+        step = -change * phi**2 / (new + speed)
+    after[:, 1] += p.m * step
+    after[:, 3] = speed + step
+    return after, jump_derivative(p.m, change, before, new)
 
 
 @dataclass(frozen=True)

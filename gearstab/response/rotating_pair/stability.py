@@ -105,7 +105,7 @@ def problem_of(pair: RotatingPair, omega: Array) -> PeriodicProblem:
 def saltation(p: PeriodicProblem, region: int, motion: Cycle, eta: Array) -> Array:
     """S of the jump at the end of a region, ``(N, 4, 4)``."""
     derivative, before = motion.jumps[region], motion.legs[region].before
-    after = orbit.field(p, 1 - region, motion.after[region], eta)
+    after = orbit.field_of(p, 1 - region, motion.after[region], eta)
     matrix = derivative.copy()
     matrix[:, :, 2] += (after - np.einsum("nij,nj->ni", derivative, before)) / motion.legs[region].end[:, 3, None]
     return matrix
@@ -125,7 +125,7 @@ def section_map(p: PeriodicProblem, x: Array) -> Array:
     """The derivative of the return map of the section, in (phi, phi', theta'), ``(N, 3, 3)``."""
     total = monodromy(p, x)
     start = np.stack([x[:, orbit.PHI], x[:, orbit.RATE], np.zeros(len(x)), x[:, orbit.SPEED]], axis=-1)
-    flow = orbit.field(p, 0, start, x[:, orbit.DRIVE])
+    flow = orbit.field_of(p, 0, start, x[:, orbit.DRIVE])
     # Back to the section along the flow.
     total = total - flow[:, :, None] * total[:, 2:3, :] / flow[:, 2, None, None]
     return total[:, SECTION][:, :, SECTION]

@@ -185,11 +185,7 @@ MODES_OVER_SPEED = (
 """The same in the group ``/modes``, for the base values of the configuration."""
 
 DEFLECTION_TYPE = Variable(
-    "mesh_deflection_type",
-    ("mode",),
-    "i4",
-    "1",
-    "T of mesh deflections that go round as cos T psi, else -1",
+    "mesh_deflection_type", ("mode",), "i4", "1", "T of mesh deflections that go round as cos T psi, else -1"
 )
 """Variable of systems with cyclic symmetry."""
 
@@ -229,15 +225,10 @@ INTERVAL = (
 """Variables of estimated growth rates."""
 
 ORBITS = (
-    Variable(
-        "speed_exponent",
-        (GRID,),
-        "f8",
-        "1/s",
-        "characteristic exponent of the mean speed of the orbit, left out of the growth rate",
-    ),
+    Variable("speed_exponent", (GRID,), "f8", "1/s", "characteristic exponent of the mean speed of the orbit, left out "
+             "of the growth rate"),
     Variable("holding_torque", (GRID,), "f8", "N m", "unbalanced torque that holds the mean speed of the orbit"),
-)
+)  # fmt: skip
 """Variables of periodic orbits of gear pairs."""
 
 REQUIRED_DAMPING = (

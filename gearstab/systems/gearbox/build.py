@@ -17,6 +17,7 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.gears.relief import ReliefForce
 from gearstab.mesh import MachineElement, Mesh, PeriodicForce, PeriodicTerm, RevolutionError, Rotation
+from gearstab.modal import static_mesh_force
 from gearstab.system import Array, GearSystem
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row, total
 from gearstab.systems.gearbox import loads
@@ -116,13 +117,12 @@ def _weak_teeth(train: Train, system: GearSystem) -> Iterator[Mesh]:
     for item in train.sets:
         planets_turn, sun_drives, _ = train.power(item)
         for name, n, fault, cycles in item.weak_pairs(planets_turn, sun_drives):
-            teeth = {"sun": item.teeth.sun, "ring": item.teeth.ring}[name]
-            count = item.counted(fault.gear)
+            teeth, count = item.teeth.pairs[name], item.counted(fault.gear)
             yield part(f"{item.name}.{name}.{n}", teeth, teeth.p, fault, count, cycles)
     for k, gears in enumerate(train.pairs):
         p, counts = train.p.meshes[k], {train.name(gear): train.teeth(gear) for gear in gears}
         for fault in p.faults:
-            yield part(p.name, train.teeth_of(k), p, fault, counts[fault.gear], fault.tooth - 1)
+            yield part(p.name, train.pair_teeth[k], p, fault, counts[fault.gear], fault.tooth - 1)
 
 
 def _turning(train: Train, rows: TrainSetRows) -> Rotation:
@@ -149,7 +149,7 @@ def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
     known = [mesh for mesh in train.meshes if mesh.name.startswith(place) and mesh.motion.where == item.where]
     for k, name in enumerate(("sun", "ring")):
         with item.told():
-            p, teeth = item.teeth.filled(name), (item.teeth.sun, item.teeth.ring)[k]
+            p, teeth = item.teeth.filled(name), item.teeth.pairs[name]
             angle = teeth.each(lambda pair: pair.pressure_angle)
             inertia = item.teeth.body("planet")[1]
         ends = [(base_radius(item.teeth.gears["planet"]), inertia)]
@@ -178,10 +178,10 @@ def _damped(train: Train, found: MeshElement, mass: Array) -> MeshElement:
 def _filled(train: Train, k: int) -> Any:
     """The parameters of a mesh with what its teeth give."""
     p = train.p.meshes[k]
-    if not from_teeth(p) and not train.teeth_of(k).helical:
+    if not from_teeth(p) and not train.pair_teeth[k].helical:
         return p
     try:
-        return train.teeth_of(k).filled()
+        return train.pair_teeth[k].filled()
     except TrainError:
         raise
     except NotPossible as error:
@@ -199,12 +199,12 @@ def mesh_element(train: Train, k: int) -> MeshElement:
     gears, p, push = train.pairs[k], _filled(train, k), train.push(k)
     r1, r2 = (base_radius(train.rotors[gear]) for gear in gears)
     turned: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2}
-    lead = train.sense(k) * train.teeth_of(k).lead
+    lead = train.sense(k) * train.pair_teeth[k].lead
     row = total(
         turned, train.shift(gears[0], push), train.shift(gears[1], (-push[0], -push[1])),
         train.slide(gears[0], -lead), train.slide(gears[1], lead),
     )  # fmt: skip
-    lag = number(p.lag) + train.teeth_of(k).start
+    lag = number(p.lag) + train.pair_teeth[k].start
     found = MeshElement(p, row, train.frequency_ratio(train.motions[k]), lag)
     j1, j2 = (train.inertias[gear] for gear in gears)
     return _damped(train, found, j1 * j2 / (r1**2 * j2 + r2**2 * j1))
@@ -215,13 +215,13 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
     laws = [p.friction for p in train.p.meshes]
     if not any(laws):
         return system
-    forces = np.abs(loads.static_forces(system))
+    forces = np.abs(static_mesh_force(system))
     terms: list[PeriodicTerm] = []
     pushes: list[PeriodicForce] = []
     for k, law in enumerate(laws):
         if law is None:
             continue
-        teeth, gears = train.teeth_of(k), train.pairs[k]
+        teeth, gears = train.pair_teeth[k], train.pairs[k]
         plain = law.kind == "constant"
         speed = 1.0 if plain else number(train.p.input.speed) * float(abs(train.speeds[train.name(gears[0])]))
         try:

@@ -24,7 +24,7 @@ from gearstab.config.model.fields import AngularFrequency, Choice, NameText, Qua
 from gearstab.config.model.reading import WRONG
 from gearstab.errors import NotPossible
 from gearstab.mesh import Mesh, PeriodicForce, PeriodicTerm
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array
 from gearstab.systems.assembly import Element, Row, total
 from gearstab.systems.gearbox.bodies import base_radius, number
 from gearstab.systems.gearbox.teeth import Rubbing
@@ -300,16 +300,3 @@ def _parts(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array]) -> tuple[tup
         (f"friction of {mesh.name}", ends[0], rubbing.share),
         (f"friction torque of {mesh.name}", ends[1], rubbing.share_arm),
     )
-
-
-def static_forces(system: GearSystem) -> Array:
-    """``(..., meshes)``: the mesh forces k_g g^T q under the constant load, without the rigid-body motion."""
-    from gearstab.modal import mean_modes
-
-    modes = mean_modes(system)
-    load = np.zeros(system.size) if system.load is None else np.asarray(system.load)
-    modal = np.einsum("...np,...n->...p", modes.shapes, load)
-    squared = np.where(modes.rigid, np.inf, modes.squared_frequency)
-    deflection = np.einsum("...pi,...p->...i", modes.mesh_deflection, modal / squared)
-    stiffness = np.stack(np.broadcast_arrays(*[mesh.mean_stiffness for mesh in system.meshes]), axis=-1)
-    return np.asarray(stiffness * deflection)

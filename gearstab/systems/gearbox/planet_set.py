@@ -164,11 +164,11 @@ class TrainSet:
 
     def meshes(self, planets_turn: int, sun_drives: bool) -> Iterator[TrainMesh]:
         """Yield the meshes of sun and planets, then those of planets and ring, as :meth:`lags`."""
-        teeth, lags = {"sun": self.teeth.sun, "ring": self.teeth.ring}, self.lags(planets_turn, sun_drives)
+        lags = self.lags(planets_turn, sun_drives)
         for motion, name in zip(self.motions, ("sun", "ring"), strict=True):
             driven = motion if sun_drives else motion.reversed
             for n, lag in enumerate(lags[name], start=1):
-                yield TrainMesh(f"{self.name}.{name}.{n}", driven, teeth[name], lag, not sun_drives)
+                yield TrainMesh(f"{self.name}.{name}.{n}", driven, self.teeth.pairs[name], lag, not sun_drives)
 
     def weak_pairs(self, planets_turn: int, sun_drives: bool) -> Iterator[tuple[str, int, SetFault, int]]:
         """Yield every mesh, ``sun`` or ``ring`` and the planet's number, in which a weak tooth carries, and when.
@@ -243,7 +243,7 @@ class TrainSetRows(SetRows):
 
         Planets keep their place on the carrier.
         """
-        lead = (self.item.teeth.sun if name == "sun" else self.item.teeth.ring).lead
+        lead = self.item.teeth.pairs[name].lead
         return total(super().deflection(name, n, angle), self.slide(name, -lead), self.slide("carrier", lead))
 
     def slide(self, body: str, along: Any) -> Row:

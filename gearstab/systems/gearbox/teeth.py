@@ -11,14 +11,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.model.reading import held
-from gearstab.gears.friction import (
-    BenedictKelley,
-    ConstantFriction,
-    FrictionLaw,
-    MeshFriction,
-    XuKahraman,
-    mesh_friction,
-)
+from gearstab.gears.friction import BenedictKelley, ConstantFriction, FrictionLaw, XuKahraman, mesh_friction
 from gearstab.gears.geometry import Gear
 from gearstab.gears.loaded import loaded_mesh
 from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, contact_stiffness, mesh_stiffness
@@ -252,7 +245,9 @@ class MeshTeeth:
             pair = self.pairs[at]
             pinion_speed = float(speeds[k]) * (pair.ratio if pair.wheel_drives else 1.0)
             found.append(mesh_friction(pair, laws[k], pinion_speed, float(forces[k]), self.models[at]))
-        return Rubbing(found, shape)
+        length = np.reshape([item.length for item in found], shape)
+        shares = (stacked([getattr(item, name) for item in found], shape) for name in ("share", "share_arm"))
+        return Rubbing(length, found[0].wheel_sign, *shares)
 
 
 def _laws(law: Any, shape: tuple[int, ...]) -> Iterator[FrictionLaw]:
@@ -271,26 +266,13 @@ def _laws(law: Any, shape: tuple[int, ...]) -> Iterator[FrictionLaw]:
 
 @dataclass(frozen=True)
 class Rubbing:
-    """Friction of a mesh over a batch; see :class:`~gearstab.gears.MeshFriction`."""
+    """Friction of a mesh over a batch; see :class:`~gearstab.gears.MeshFriction`.
 
-    found: list[MeshFriction]
-    batch: tuple[int, ...]
+    length: L, between the tangent points of the line of action, m. share: sum sigma mu k_p/k.
+    share_arm: sum sigma mu s_p k_p/k, m.
+    """
 
-    @property
-    def length(self) -> Array:
-        """L, between the tangent points of the line of action, m."""
-        return np.reshape([item.length for item in self.found], self.batch)
-
-    @property
-    def wheel_sign(self) -> int:
-        return self.found[0].wheel_sign
-
-    @property
-    def share(self) -> Piecewise:
-        """sum sigma mu k_p/k."""
-        return stacked([item.share for item in self.found], self.batch)
-
-    @property
-    def share_arm(self) -> Piecewise:
-        """sum sigma mu s_p k_p/k, m."""
-        return stacked([item.share_arm for item in self.found], self.batch)
+    length: Array
+    wheel_sign: int
+    share: Piecewise
+    share_arm: Piecewise

@@ -18,7 +18,7 @@ from gearstab.systems.gearbox.bodies import STEEL, hands, line_of_action, moves,
 from gearstab.systems.gearbox.loads import pair_force, set_force
 from gearstab.systems.gearbox.planet_set import MEMBERS, TrainMesh, TrainSet
 from gearstab.systems.gearbox.teeth import MeshTeeth
-from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undetermined, Where, alike, reactions, solve
+from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undetermined, Where, reactions, solve
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class Train:
         found += [Relation({rotor: 1}, where) for rotor, where in self.held.items()]
         found += [motion.relation for item in self.sets for motion in item.motions]
         ends = (shaft.between for shaft in self.p.shafts)
-        found += [alike(first, second, ("shafts", k)) for k, (first, second) in enumerate(ends)]
+        found += [Relation({first: 1, second: -1}, ("shafts", k)) for k, (first, second) in enumerate(ends)]
         return found + [motion.relation for motion in self.motions]
 
     @property
@@ -173,7 +173,7 @@ class Train:
         for k, motion in enumerate(self.motions):
             self._turning(motion)
             p = self.p.meshes[k]
-            found.append(TrainMesh(p.name, motion, self.teeth_of(k), number(p.lag)))
+            found.append(TrainMesh(p.name, motion, self.pair_teeth[k], number(p.lag)))
         return found
 
     def _turning(self, motion: MeshMotion) -> None:
@@ -208,12 +208,9 @@ class Train:
 
     # ---- teeth
 
-    def teeth_of(self, pair: int) -> MeshTeeth:
-        """The teeth of a pair, computed when asked for."""
-        return self._teeth[pair]
-
     @cached_property
-    def _teeth(self) -> list[MeshTeeth]:
+    def pair_teeth(self) -> list[MeshTeeth]:
+        """The teeth of each pair, computed when asked for."""
         return [
             MeshTeeth((self.rotors[driver], self.rotors[driven]), p, self.material, partial(pair_force, self, k))
             for k, ((driver, driven), p) in enumerate(zip(self.pairs, self.p.meshes, strict=True))
@@ -221,7 +218,7 @@ class Train:
 
     def push(self, pair: int) -> tuple[Array, Array]:
         """The direction in which the driver of a pair pushes. Raises TrainError for gears that cannot mesh."""
-        teeth = self.teeth_of(pair)
+        teeth = self.pair_teeth[pair]
         try:
             angle = teeth.each(lambda pair: pair.pressure_angle)
         except NotPossible as error:

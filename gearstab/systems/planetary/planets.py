@@ -116,8 +116,8 @@ def check_assembly(document: Document, grid: Grid[Any]) -> None:
 
 def assembly(sun: int, planet: int, ring: int, planets: Any, angles: Sequence[Any] | None = None) -> Iterator[Conflict]:
     """Yield what keeps teeth from fitting into each other, and planets at equal or given angles between them."""
-    if shifted_too_far(sun, planet, ring):
-        standard = sun + 2 * planet
+    standard = sun + 2 * planet
+    if abs(ring - standard) > MOST_SHIFTED:
         message = f"is more than {MOST_SHIFTED} teeth from z_s + 2 z_p = {standard}, too many for profile shifts"
         yield ("teeth", "ring"), "inconsistent", message, f"give {standard} teeth, or a number close to it"
     elif angles is not None:
@@ -133,11 +133,6 @@ def assembly(sun: int, planet: int, ring: int, planets: Any, angles: Sequence[An
         remedy += f", or take one of planets: {', '.join(possible)}" if possible else ""
         message = f"{planets} equally spaced planets cannot be assembled: (z_s + z_r)/N = {sun + ring}/{planets}"
         yield ("teeth",), "inconsistent", f"{message} is no integer", remedy
-
-
-def shifted_too_far(sun: int, planet: int, ring: int) -> bool:
-    """Whether no profile shifts let the planets mesh with both."""
-    return abs(ring - sun - 2 * planet) > MOST_SHIFTED
 
 
 def clear_of_each_other(sun: int, planet: int, ring: int, angles: Sequence[Any]) -> bool:

@@ -99,24 +99,18 @@ class SetTeeth:
         }
 
     @cached_property
-    def sun(self) -> MeshTeeth:
-        """Sun and planet."""
-        return self._mesh("sun", "sun", "planet")
-
-    @cached_property
-    def ring(self) -> MeshTeeth:
-        """Planet and ring."""
-        return self._mesh("ring", "planet", "ring")
-
-    def _mesh(self, name: str, first: str, second: str) -> MeshTeeth:
-        gears = self.cut[first], self.cut[second]
-        p = self.meshes[name].model_copy(update={"centre_distance": self.centre})
-        return MeshTeeth(gears, p, self.material, self.force)
+    def pairs(self) -> dict[str, MeshTeeth]:
+        """The teeth of the meshes of both kinds: ``sun`` and planet, planet and ``ring``."""
+        found = {}
+        for name, first, second in (("sun", "sun", "planet"), ("ring", "planet", "ring")):
+            p = self.meshes[name].model_copy(update={"centre_distance": self.centre})
+            found[name] = MeshTeeth((self.cut[first], self.cut[second]), p, self.material, self.force)
+        return found
 
     def filled(self, name: str) -> Any:
         """Return the parameters of the ``sun`` or the ``ring`` meshes, with what the teeth give. Raises TrainError."""
         try:
-            return {"sun": self.sun, "ring": self.ring}[name].filled()
+            return self.pairs[name].filled()
         except TrainError:
             raise
         except NotPossible as error:
@@ -128,8 +122,8 @@ class SetTeeth:
         gear = self.cut[name]
         if name == "ring" and gear.get("body_radius") is None:
             gear = gear | {
-                "body_radius": self.ring.each(lambda pair: pair.wheel.bore),
-                "bore_radius": self.ring.each(lambda pair: pair.wheel.radius),
+                "body_radius": self.pairs["ring"].each(lambda pair: pair.wheel.bore),
+                "bore_radius": self.pairs["ring"].each(lambda pair: pair.wheel.radius),
             }
         density = self.material["density"]
         return bodies.mass(gear, density), bodies.inertia(gear, density)
@@ -139,13 +133,12 @@ class SetTeeth:
 
         Raises NotPossible where teeth overlap.
         """
-        batch = np.broadcast_shapes(self.sun.batch, self.ring.batch)
-        number = [
-            np.broadcast_to(np.arange(len(m.pairs)).reshape(m.batch), batch).ravel() for m in (self.sun, self.ring)
-        ]
+        sun, ring = self.pairs["sun"], self.pairs["ring"]
+        batch = np.broadcast_shapes(sun.batch, ring.batch)
+        number = [np.broadcast_to(np.arange(len(m.pairs)).reshape(m.batch), batch).ravel() for m in (sun, ring)]
         found = []
         for i, j in zip(*number, strict=True):
-            two = (replace(pair, wheel_drives=not sun_drives) for pair in (self.sun.pairs[i], self.ring.pairs[j]))
+            two = (replace(pair, wheel_drives=not sun_drives) for pair in (sun.pairs[i], ring.pairs[j]))
             planet = PlanetSet(*two)
             found.append(planet.pitch_lag if rule == "pitch_point" else planet.entry_lag)
         return np.reshape(found, batch)
@@ -165,10 +158,7 @@ def with_teeth(p: Any) -> Any:
     moving, phases = Turning.of(p, counts.sun, counts.ring), held(p.phases)
     try:
         solids = {name: found.body(name) for name in BODIES}
-        angles = {
-            name: mesh.each(lambda pair: pair.pressure_angle)
-            for name, mesh in (("sun", found.sun), ("ring", found.ring))
-        }
+        angles = {name: mesh.each(lambda pair: pair.pressure_angle) for name, mesh in found.pairs.items()}
         if phases.get("sun_ring") is None and moving is not None:
             phases["rule"] = phases.get("rule") or "entry"
             phases["sun_ring"] = found.lag(phases["rule"], moving.sun_drives)

@@ -115,8 +115,8 @@ def test_a_rectangular_wave_has_ramps_of_the_overlap_ratio_and_a_tooth_wave_is_t
     (teeth,) = built(pair(waveform={"kind": "tooth"}), tmp_path).meshes
     assert isinstance(teeth.waveform, Tooth)
     train = Train(read(tmp_path, as_text(pair())).system)
-    (stiffness,) = train.teeth_of(0).stiffness
-    overlap = float(train.teeth_of(0).pairs[0].overlap_ratio)
+    (stiffness,) = train.pair_teeth[0].stiffness
+    overlap = float(train.pair_teeth[0].pairs[0].overlap_ratio)
     assert mesh.waveform.ramp == pytest.approx(overlap)
     np.testing.assert_allclose(teeth.mean_stiffness, stiffness.mean, rtol=1e-13)
     np.testing.assert_allclose(teeth.mean_stiffness, mesh.mean_stiffness, rtol=1e-12)
@@ -271,7 +271,7 @@ def test_a_helical_set_agrees_with_the_kind_planetary(tmp_path, meshes) -> None:
 
 def test_a_helical_reducer_with_signed_helix_angles_is_built() -> None:
     train = Train(load(CASES / "a1_helical.yaml").system)
-    pairs = [train.teeth_of(k).pairs[0] for k in (0, 1)]
+    pairs = [train.pair_teeth[k].pairs[0] for k in (0, 1)]
     first = 0.028 * np.sin(radians(23)) / (pi * 0.00175)
     assert [one.overlap_ratio for one in pairs] == pytest.approx([first, 0.04 * np.sin(BETA) / (pi * 0.0025)])
     succeeds("check", CASES / "a1_helical.yaml")

@@ -19,9 +19,10 @@ from gearstab.response.backlash.continuation import (
     NEIMARK_SACKER,
     UNBOUNDED,
     Curve,
+    NoPoint,
+    Point,
     StepLimits,
 )
-from gearstab.response.backlash.sections import NoPoint, Point
 
 Array = np.ndarray
 

@@ -145,10 +145,10 @@ def test_settled_motions_over_speed_have_their_stability() -> None:
     found = speed_cycles(system, np.array([0.64, 1.2, 1.7, 1.9]), down=True, cycles=150)
     known = {(m["mesh_frequency"], m["periods"]): sorted_multipliers(m) for _, m in MOTIONS[:19] if m["stable"]}
     for k, omega in enumerate((0.64, 1.2, 1.7, 1.9)):
-        own = found.multiplier_real[k] + 1j * found.multiplier_imag[k]
-        candidates = [v for (w, p), v in known.items() if (w, p) == (omega, found.period[k])]
+        own = found["multiplier_real"][k] + 1j * found["multiplier_imag"][k]
+        candidates = [v for (w, p), v in known.items() if (w, p) == (omega, found["period"][k])]
         assert min(np.abs(np.abs(own) - np.abs(v)).max() for v in candidates) < 1e-10
-        assert found.motion_stable[k] == 1
+        assert found["motion_stable"][k] == 1
     laps = SectionMap(system)
     assert of_settled(laps, np.array([5.0, 5.0]), 1.2, 1) is None
 
