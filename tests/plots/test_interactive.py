@@ -28,11 +28,8 @@ def test_it_needs_nothing_from_elsewhere(page: Path) -> None:
     assert not re.search(r'<(script|link|img)[^>]*(src|href)="(https?:)?//', text)
     # In the body of the page, not in the program of Bokeh, which names this tag as well.
     assert re.search(r'</head>\s*<body>\s*<noscript><img alt="Stability map" src="data:image/png;base64,', text)
-    assert [
-        word
-        for word in ('"Slider"', '"HoverTool"', '"MultiLine"', "2w3", "relative mesh stiffness variation")
-        if word not in text
-    ] == []
+    words = ('"Slider"', '"HoverTool"', '"MultiLine"', "2w3", "relative mesh stiffness variation")
+    assert [word for word in words if word not in text] == []
 
 
 def test_labels_are_those_of_figures_without_mathematics() -> None:
