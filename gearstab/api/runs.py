@@ -38,7 +38,6 @@ def sweep(
     Raises ConfigError for a wrong configuration, RequestError for a large sweep that is not confirmed, and SweepError
     where it could not be finished.
     """
-    from gearstab.api.runs import reporter
     from gearstab.results.read import from_bytes
     from gearstab.sweep import forecast, plan, run_in_memory
 
@@ -74,7 +73,6 @@ def design(config: Source, *, progress: bool | None = None) -> xr.DataTree:
     config: as in :func:`gearstab.load`, with the section ``design``. progress: as in :func:`sweep`. The answer in words
     is the attribute ``answer`` of the group ``design``. Raises ConfigError and NotPossible.
     """
-    from gearstab.api.runs import reporter
     from gearstab.design import check
     from gearstab.design import design as find
     from gearstab.results.read import from_bytes

@@ -29,22 +29,20 @@ def check(config: Config) -> None:
     found = []
     for path, name in asked:
         if refused := unsupported(system, SUPPORTS[name], {Feature.PERIODIC_TERMS: "use growth_rate"}):
-            found.append(config.problem(path, "needs_other", f"{name}: {refused[0]}", refused[1]))
+            wrong = f"{name}: {refused[0]}", refused[1]
         elif name == "load_factor" and not system.forced:
-            found.append(
-                config.problem(path, "needs_other", "nothing drives the system, which load_factor needs", "give a load")
-            )
+            wrong = "nothing drives the system, which load_factor needs", "give a load"
         elif name == "root_stress" and (train is None or system.load is None):
-            message = "root_stress needs the teeth of a gearbox and a torque"
-            found.append(
-                config.problem(path, "needs_other", message, "describe the gears in a gearbox and give input.torque")
-            )
+            hint = "describe the gears in a gearbox and give input.torque"
+            wrong = "root_stress needs the teeth of a gearbox and a torque", hint
         elif name == "root_stress" and relieved:
-            message = "root_stress does not know how teeth with relief share the load"
-            found.append(config.problem(path, "needs_other", message, "remove the relief, or minimise something else"))
+            hint = "remove the relief, or minimise something else"
+            wrong = "root_stress does not know how teeth with relief share the load", hint
         elif name == "transmission_error" and not relieved:
-            message = "transmission_error needs a mesh with relief"
-            found.append(config.problem(path, "needs_other", message, "give a mesh of a gearbox relief"))
+            wrong = "transmission_error needs a mesh with relief", "give a mesh of a gearbox relief"
+        else:
+            continue
+        found.append(config.problem(path, "needs_other", *wrong))
     if found:
         raise ConfigError(found)
     combinations(DesignProblem(config, config.design))

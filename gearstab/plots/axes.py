@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -20,9 +19,6 @@ from gearstab.plots.drawing.text import (
     unit_text,
 )
 from gearstab.results.display import FACTOR, FREQUENCY, OPERATING_RANGE, SHOWN_SCALE, SPEEDS, number_of
-
-if TYPE_CHECKING:
-    pass
 
 Array = np.ndarray
 

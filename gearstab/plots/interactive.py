@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,11 @@ import xarray as xr
 from matplotlib.colors import to_hex
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import FigureAxis, distinct, units_of
+from gearstab.plots.axes import FigureAxis, distinct
 from gearstab.plots.drawing.grid import MOST_CELLS, coarse
 from gearstab.plots.drawing.style import FAILED, GROWTH, LINE, style
-from gearstab.plots.drawing.tongues import read_tongues
-from gearstab.plots.kinds import GROWTH_RATE, find_variable
+from gearstab.plots.drawing.tongues import SLIVER, exact_parts, parameter_axis, read_tongues
+from gearstab.plots.kinds import GROWTH_RATE, colour_label, find_variable
 from gearstab.plots.maps import stability_map
 from gearstab.plots.view import MapView, Request, view_of
 from gearstab.results.display import in_display_units
@@ -25,9 +26,12 @@ from gearstab.results.output import Content, write_bytes
 
 Array = np.ndarray
 
+LETTERS = {"Omega": "Ω", "varepsilon": "ε", "alpha": "α", "gamma": "γ", "zeta": "ζ", "max": "max"}  # noqa: RUF001
+"""Letters of symbols; other commands of mathematics are left out."""
 CHANGE = """
 cells.data = {...cells.data, image: [images[slider.value]]};
-regions.data = edges[slider.value];
+regions.data = outlines[slider.value];
+lines.data = edges[slider.value];
 """
 GROWS = 'return value > 0 ? value.toPrecision(4) : value < 0 ? `stable, ${value.toPrecision(4)}` : "stable";'
 INSIDE = """
@@ -73,26 +77,38 @@ def reduced(values: Array, failed: Array) -> Array:
     return np.where(failed & (worst <= 0), np.nan, worst).astype(np.float32)
 
 
-def outlines(tree: xr.DataTree, view: MapView) -> dict[str, list[Any]]:
-    """Return the exact regions of a slice as closed lines ``xs``, ``ys`` with their names; each open range is one."""
-    on_x = view.speed == view.x
-    found = read_tongues(tree, "boundaries", view, view.y if on_x else view.x) if view.speed else None
-    data: dict[str, list[Any]] = {"xs": [], "ys": [], "name": []}
-    for edges, label in zip(found.edges, found.labels, strict=True) if found else ():
+def regions_of(tree: xr.DataTree, view: MapView) -> tuple[dict[str, list[Any]], dict[str, list[Any]]]:
+    """Return the exact regions of a slice, as ``xs`` and ``ys``: closed outlines with their names, each open range one,
+    and the lines that a printed figure shows, with their colours.
+    """
+    axis = parameter_axis(view)
+    found = read_tongues(tree, "boundaries", view, axis[0]) if axis else None
+    outlines: dict[str, list[Any]] = {"xs": [], "ys": [], "name": []}
+    lines: dict[str, list[Any]] = {"xs": [], "ys": [], "colour": []}
+    if axis is None or found is None:
+        return outlines, lines
+    along_x, along_y = ("xs", "ys") if axis[1] else ("ys", "xs")
+    for edges, label in zip(found.edges, found.labels, strict=True):
         where = np.flatnonzero(np.isfinite(edges).all(axis=0))
         for run in np.split(where, np.flatnonzero(np.diff(where) > 1) + 1):
             if run.size > 1:
-                place = found.positions[run] if found else run
-                speed, along = [*edges[0, run], *edges[1, run[::-1]]], [*place, *place[::-1]]
-                data["xs"].append(speed if on_x else along)
-                data["ys"].append(along if on_x else speed)
-                data["name"].append(label)
-    return data
+                place = found.positions[run]
+                outlines[along_x].append([*edges[0, run], *edges[1, run[::-1]]])
+                outlines[along_y].append([*place, *place[::-1]])
+                outlines["name"].append(label)
+    speeds = (view.x if axis[1] else view.y).ascending
+    for parts, colour in zip(exact_parts(found, speeds[-1] - speeds[0]), (LINE, to_hex(SLIVER)), strict=True):
+        for part in parts:
+            lines[along_x].append(part[:, 0].tolist())
+            lines[along_y].append(part[:, 1].tolist())
+            lines["colour"].append(colour)
+    return outlines, lines
 
 
-def labelled(name: str, units: str) -> str:
-    """Return a name in words with its unit, as a page shows it."""
-    return name.replace("_", " ") + ("" if units == "1" else f" ({units})")
+def unformatted(label: str) -> str:
+    """Return the label of a figure as a page shows it, ``mesh frequency Ω (rad/s)``."""
+    found = re.sub(r"\\([A-Za-z]+)", lambda sign: LETTERS.get(sign[1], ""), label)
+    return re.sub(r"[${}\\]", "", found)
 
 
 def slices(tree: xr.DataTree, request: Request) -> tuple[FigureAxis | None, list[MapView]]:
@@ -142,7 +158,7 @@ def page(tree: xr.DataTree, request: Request, title: str) -> str:
     axis, views = slices(tree, request)
     shown = [coarse(tree, view, GROWTH_RATE) for view in views]
     images = [reduced(*stability_map.read_cells(*item, GROWTH_RATE)) for item in shown]
-    edges = [outlines(tree, view) for view in views]
+    outlines, edges = zip(*(regions_of(tree, view) for view in views), strict=True)
     x, y = views[0].x, views[0].y
     left, right, bottom, top = (float(edge) for edge in (*x.edges()[[0, -1]], *y.edges()[[0, -1]]))
     largest = max(float(np.nanmax(image, initial=0.0)) for image in images) or 1.0
@@ -150,19 +166,20 @@ def page(tree: xr.DataTree, request: Request, title: str) -> str:
         palette=[to_hex(GROWTH(n)) for n in range(256)], low=1e-9 * largest, high=largest, low_color="#ffffff00",
         nan_color=FAILED,
     )  # fmt: skip
-    names = [labelled(a.name, a.units) for a in (x, y)]
-    growth = labelled(GROWTH_RATE, units_of(find_variable(tree, GROWTH_RATE)[1]))
+    names = [unformatted(a.label) for a in (x, y)]
+    growth = unformatted(colour_label(tree, GROWTH_RATE))
     plot = figure(
         title=",  ".join([title, *views[0].chosen]) if request.title else None, x_axis_label=names[0],
         y_axis_label=names[1], height=560, x_range=(left, right), y_range=(bottom, top), sizing_mode="stretch_width",
         tools="pan,wheel_zoom,box_zoom,reset,save", active_scroll="wheel_zoom",
     )  # fmt: skip
-    cells, regions = ColumnDataSource({"image": [images[0]], "region": [""]}), ColumnDataSource(edges[0])
+    cells, regions = ColumnDataSource({"image": [images[0]], "region": [""]}), ColumnDataSource(outlines[0])
+    lines = ColumnDataSource(edges[0])
     map_ = plot.image("image", source=cells, x=left, y=bottom, dw=right - left, dh=top - bottom, color_mapper=colours)
-    plot.patches("xs", "ys", source=regions, fill_alpha=0.0, line_color=LINE, line_width=1)
+    plot.multi_line("xs", "ys", source=lines, line_color="colour", line_width=1)
     rows = [(names[0], "$x{0.0000}"), (names[1], "$y{0.0000}"), (growth, "@image{custom}")]
     formatters = {"@image": CustomJSHover(code=GROWS)}
-    if any(found["name"] for found in edges):
+    if any(found["name"] for found in outlines):
         rows.append(("region", "@region{custom}"))
         formatters["@region"] = CustomJSHover(args={"regions": regions}, code=INSIDE)
     plot.add_tools(HoverTool(renderers=[map_], tooltips=rows, formatters=formatters))
@@ -172,9 +189,10 @@ def page(tree: xr.DataTree, request: Request, title: str) -> str:
         unit = "" if axis.units == "1" else f" {axis.units}"
         texts = [f"{axis.text(index)}{unit}" for index in range(axis.size)]
         said = CustomJSTickFormatter(args={"texts": texts}, code="return texts[tick];")
-        slider = Slider(start=0, end=axis.size - 1, value=0, step=1, title=axis.name, format=said)
-        known = {"cells": cells, "regions": regions, "images": images, "edges": edges, "slider": slider}
-        slider.js_on_change("value", CustomJS(args=known, code=CHANGE))
+        name = unformatted(replace(axis, units="1").label)
+        slider = Slider(start=0, end=axis.size - 1, value=0, step=1, title=name, format=said)
+        known = {"cells": cells, "regions": regions, "images": images, "outlines": outlines, "lines": lines}
+        slider.js_on_change("value", CustomJS(args=known | {"edges": edges, "slider": slider}, code=CHANGE))
         parts.insert(0, slider)
     layout = column(*parts, sizing_mode="stretch_width", margin=(10, 30, 10, 30))
     first = {"picture": picture(tree, request, axis)}

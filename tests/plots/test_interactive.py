@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes import TRAIN, succeeds
 
-from gearstab.plots.interactive import MOST_CELLS, reduced
+from gearstab.plots.interactive import MOST_CELLS, reduced, unformatted
 
 SWEEP = "sweep:\n  mesh_frequency: {start: 4.0, stop: 7.0, num: 31}\n  epsilon: [0.1, 0.2, 0.3]\n"
 pytest.importorskip("bokeh")
@@ -28,7 +28,13 @@ def test_it_needs_nothing_from_elsewhere(page: Path) -> None:
     assert not re.search(r'<(script|link|img)[^>]*(src|href)="(https?:)?//', text)
     # In the body of the page, not in the program of Bokeh, which names this tag as well.
     assert re.search(r'</head>\s*<body>\s*<noscript><img alt="Stability map" src="data:image/png;base64,', text)
-    assert [word for word in ('"Slider"', '"HoverTool"', "2w3") if word not in text] == []
+    words = ('"Slider"', '"HoverTool"', '"MultiLine"', "2w3", "relative mesh stiffness variation")
+    assert [word for word in words if word not in text] == []
+
+
+def test_labels_are_those_of_figures_without_mathematics() -> None:
+    assert unformatted(r"mesh frequency $\Omega$ (rad/s)") == "mesh frequency \N{GREEK CAPITAL LETTER OMEGA} (rad/s)"
+    assert unformatted(r"shaft $k_{\mathrm{b}}$ ($\mathrm{s}^{-1}$)") == "shaft k_b (s^-1)"
 
 
 def test_no_unstable_point_is_lost() -> None:

@@ -206,29 +206,32 @@ def boundary_lines(ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, chosen
 def exact_lines(
     ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, colour: str = LINE, thin: Any = SLIVER
 ) -> tuple[LineCollection, LineCollection]:
-    """Draw exact boundaries: both edges of a tongue where it is wide enough to see, else one light line for all of it.
-
-    A line is broken where an edge leaps, as it does where regions merge and where a name passes to another region.
-    Returns the edges and the light lines.
-    """
+    """Draw exact boundaries, see :func:`exact_parts`; returns the edges and the light lines."""
     low, high = frequency_limits(ax, frequency_on_x)
-    edges, span = tongues.edges, high - low
-    narrow = ~(edges[:, 1] - edges[:, 0] >= ONE_LINE * span)
-    wide = np.where((narrow & beside(narrow))[:, None], np.nan, edges)
-    middle = np.where((~narrow & beside(~narrow))[:, None], np.nan, edges.mean(axis=1, keepdims=True))
-    drawn = []
     looks: tuple[dict[str, Any], ...] = (
         {"colors": colour, "linewidths": 0.45, "zorder": 2.2},
         {"colors": [thin], "linewidths": 0.4, "zorder": 2.1},
     )
-    for frequency, look in zip((wide, middle), looks, strict=True):
-        lines = frequency.reshape(-1, frequency.shape[-1])
-        parts = [part for line in lines for part in pieces(line, tongues.positions, span)]
-        if frequency is wide:
-            parts += joints(parts, span)
+    drawn = []
+    for parts, look in zip(exact_parts(tongues, high - low), looks, strict=True):
         drawn.append(LineCollection([p if frequency_on_x else p[:, ::-1] for p in parts], **look))
         ax.add_collection(drawn[-1], autolim=False)
     return drawn[0], drawn[1]
+
+
+def exact_parts(tongues: DrawnTongues, span: float) -> tuple[list[Array], list[Array]]:
+    """Return lines ``(points, 2)`` of (frequency, position) in a frame of a ``span`` of frequencies: both edges of
+    tongues where they are wide enough to see, and one line for all of a tongue where it is not.
+
+    A line is broken where an edge leaps, as it does where regions merge and where a name passes to another region.
+    """
+    edges = tongues.edges
+    narrow = ~(edges[:, 1] - edges[:, 0] >= ONE_LINE * span)
+    wide = np.where((narrow & beside(narrow))[:, None], np.nan, edges)
+    middle = np.where((~narrow & beside(~narrow)), np.nan, edges.mean(axis=1))
+    both = [part for line in wide.reshape(-1, edges.shape[-1]) for part in pieces(line, tongues.positions, span)]
+    light = [part for line in middle for part in pieces(line, tongues.positions, span)]
+    return both + joints(both, span), light
 
 
 def beside(rows: Array) -> Array:

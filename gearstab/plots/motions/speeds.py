@@ -95,7 +95,7 @@ def read_speeds(tree: xr.DataTree) -> xr.Dataset:
 
 def measure(dataset: xr.Dataset, wanted: str | None) -> str:
     """The variable to draw."""
-    found = (name for name in MEASURES if np.isfinite(dataset[name].values).any())
+    found = (name for name in MEASURES if name in dataset and np.isfinite(dataset[name].values).any())
     return wanted or next(found, MEASURES[0])
 
 
