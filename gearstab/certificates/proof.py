@@ -1,5 +1,5 @@
-"""Claims: as numbers of a result, and proved by one of four theorems: 1 and 2 in verifier.py, 3 in counting.py, 4 in
-lyapunov.py.
+"""Claims: as numbers of a result, and proved by one of five theorems: 1 and 2 in verifier.py, 3 in disc.py, 4 in
+lyapunov.py, 5 in circle.py.
 """
 
 from __future__ import annotations

@@ -13,7 +13,20 @@ from scipy.linalg import expm
 
 pytest.importorskip("flint")
 
-from gearstab.certificates import balls, carried, choices, counting, equations, lyapunov, proof, roots, verifier
+from gearstab.certificates import (
+    balls,
+    carried,
+    choices,
+    circle,
+    counting,
+    disc,
+    equations,
+    interpolation,
+    lyapunov,
+    proof,
+    roots,
+    verifier,
+)
 from gearstab.certificates.balls import near
 from gearstab.certificates.covering import FIRST, by_a_form, covered
 from gearstab.certificates.equations import Flow, Segments, flow
@@ -265,17 +278,21 @@ def test_the_proof_imports_nothing_of_the_program() -> None:
         "dataclasses",
         "fractions",
         "functools",
+        "itertools",
         "math",
         "numpy",
         "flint",
         "scipy.linalg",
         "typing",
     }
-    names = ("choices", "balls", "equations", "verifier", "roots", "counting", "carried", "lyapunov")
-    choosing, algebra, matrices, proving, zeros, numbers, forms, falling = (f"gearstab.certificates.{n}" for n in names)
+    names = ("choices", "balls", "equations", "verifier", "counting", "carried", "lyapunov")
+    zeros, interpolating, *ways = (f"gearstab.certificates.{n}" for n in ("roots", "interpolation", "circle", "disc"))
+    choosing, algebra, matrices, proving, numbers, forms, falling = (f"gearstab.certificates.{n}" for n in names)
     table = (
         (choices, set()), (balls, set()), (roots, set()), (equations, {choosing, algebra}),
-        (verifier, {choosing, algebra, matrices}), (counting, {choosing, algebra, zeros, matrices}), (carried, set()),
+        (verifier, {choosing, algebra, matrices}), (carried, set()),
+        (counting, {choosing, algebra, zeros, interpolating, matrices, *ways}),
+        (interpolation, set()), (circle, {zeros}), (disc, {zeros}),
         (lyapunov, {forms, algebra, matrices}), (proof, {numbers, falling, matrices, proving}),
     )  # fmt: skip
     for module, allowed in table:
