@@ -7,10 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from gearstab.certificates.counting import Counter
 from gearstab.certificates.equations import Flow, flow
 from gearstab.certificates.lyapunov import decays
 from gearstab.certificates.making import claimed
+from gearstab.certificates.multipliers.counting import Counter
 from gearstab.certificates.proof import counter
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import gaps
@@ -116,7 +116,8 @@ def _of_row(known: Flow, ends: Array) -> list[Certificate]:
 def _without_coordinates(counting: Counter, low: float, high: float) -> list[Certificate]:
     """Pieces of an interval by Theorem 3 or 5: the whole, or what lies between places where nothing is told."""
     parts: list[tuple[float, float]] = []
-    untold, before = 0, None
+    before: int | None = None
+    untold = 0
     for start, end, outside in counting.stretches(low, high):
         untold += outside is None
         if untold > UNTOLD:
@@ -128,7 +129,7 @@ def _without_coordinates(counting: Counter, low: float, high: float) -> list[Cer
             else:
                 parts.append(ends)
         before = outside
-    if len(parts) == 1 and not untold:
+    if len(parts) == 1 and before is not None and not untold:
         return [Certificate(low, high, int(before > 0), COUNTED, NONE)]
     pieces = (_counted(counting, *part) for part in parts if part[0] < part[1])
     return [piece for piece in pieces if piece is not None]

@@ -1,10 +1,18 @@
-r"""Multipliers of systems without damping, on the unit circle or not, over whole intervals of the mesh frequency.
+r"""Multipliers inside, on or outside the unit circle, over whole intervals of the mesh frequency.
 
-Let a form Q be kept (verifier.py, whose notation is used). Phi^-1 is then similar to Phi^T, and chi(z) = det(z - Phi)
-of degree m = 2 n has z^m chi(1/z) = chi(z). With w = z + 1/z, z^-n chi(z) is a real polynomial q(w) of degree n and
-leading coefficient 1: multipliers on the circle belong to zeros w of q in [-2, 2]. Let p_k be the coefficients of
-q(2 + x) and r_k those of (-1)^n q(-2 - x), polynomials in x, and d the discriminant of q, the product of all
-(w_i - w_j)^2, i < j, of its zeros.
+Let chi(z) = det(z - Phi), real with leading coefficient 1, of degree m (verifier.py, whose notation is used).
+
+**Theorem 3.** Let a_0, ..., a_m = 1 be the coefficients of chi (all others are 0) and D = det(a_(j+l) - a_(j-l)),
+j, l = 1, ..., m - 1. If chi(1) chi(-1) D is not 0 for any T of an interval, as many zeros of chi are outside the unit
+circle at all these T. If none are, all solutions decay exponentially. If some are, some grow.
+*Proof.* Zeros are continuous. One that crosses the circle is 1 or -1 there, or one of a pair e^(+-it) that are not
+real. Then 0 = Im(e^(-ijt) chi(e^(it))) = sum_k a_k sin((k - j) t) = sum_l (a_(j+l) - a_(j-l)) sin(l t), 1 <= j < m, so
+that D = 0.
+
+**Where nothing is damped**, a form Q is kept. Phi^-1 is then similar to Phi^T, and chi(z) = z^m chi(1/z), m = 2 n. With
+w = z + 1/z, z^-n chi(z) is a real polynomial q(w) of degree n with leading coefficient 1: multipliers on the circle
+belong to zeros w of q in [-2, 2]. Let p_k be the coefficients of q(2 + x) and r_k those of (-1)^n q(-2 - x),
+polynomials in x, and d the discriminant of q, the product of all (w_i - w_j)^2, i < j, of its zeros.
 
 **Theorem 5.** (i) If q has n different zeros in (-2, 2), all solutions are bounded, also for all A_s near enough that
 keep Q. (ii) If one p_k or r_k or d is negative, or a zero of q is not in [-2, 2], some grow exponentially. (iii) If p_0
@@ -21,8 +29,8 @@ is at 2 or -2. If none does, and they are not all in (-2, 2), one is not in [-2,
 
 Its determinant is d but for a positive factor that depends on n alone. For let the zeros v_l of q' be different and
 have V the entries v_l^j. V^T C V is diagonal with the entries f' g - f g' = -n q q'' at v_l. The product of all q(v_l)
-is d but for a factor, that of all q''(v_l) is det V^2 but for a factor. Where all w_l are real and different,
-all -q q'' are positive, as q' and q'' follow from q by moving to its next extremum: so is the factor.
+is d but for a factor, that of all q''(v_l) is det V^2 but for a factor. Where all w_l are real and different, all
+-q q'' are positive, the maxima of q being above 0 and the minima below: so is the factor.
 """
 
 from __future__ import annotations
@@ -32,7 +40,25 @@ from math import comb
 
 from flint import arb, arb_poly
 
-from gearstab.certificates.roots import DEGREE, Factor, cut, determinant, zeros
+from gearstab.certificates.multipliers.roots import CUT, DEGREE, Factor, cut, determinant, zeros
+
+
+class Disc:
+    """Zeros of chi and the unit circle, of its coefficients on a cell."""
+
+    def __init__(self, a: list[arb_poly]) -> None:
+        self.a, no = a, arb_poly([])
+        even, odd = sum(a[::2], no), sum(a[1::2], no)
+        self.barrier = [*map(Factor, (even + odd, even - odd, _crossing(a)))]
+
+    def outside(self, left: arb, right: arb) -> int | None:
+        """Zeros outside the unit circle at all z of an interval; None where that is not shown."""
+        if not all(factor.sign(left, right) for factor in self.barrier):
+            return None
+        middle = (left + right) / 2
+        sizes = [abs(zero) for zero in zeros(arb_poly([a(middle) for a in self.a]))]
+        told = len(sizes) == len(self.a) - 1 and all(size > 1 or size < 1 for size in sizes)
+        return sum(bool(size > 1) for size in sizes) if told else None
 
 
 class Circle:
@@ -66,6 +92,16 @@ class Circle:
         real = sorted((w.real for w in found), key=float)
         apart = all(a < b for a, b in zip([arb(-2), *real], [*real, arb(2)], strict=True))
         return 0 if apart and len(real) == len(self.q) - 1 else None
+
+
+def _crossing(a: list[arb_poly]) -> arb_poly:
+    """D. Row j < n/2 of its matrix ends with a_n = 1 in column n - j, zeros behind: these are eliminated."""
+    n, no, entry = len(a) - 1, arb_poly([]), dict(enumerate(a))
+    rows = [[entry.get(j + k, no) - entry.get(j - k, no) for k in range(1, n)] for j in range(1, n)]
+    for _ in range((n - 1) // 2):
+        pivot, *others = rows
+        rows = [[e - cut(row[-1] * p, CUT) for e, p in zip(row[:-1], pivot[:-1], strict=True)] for row in others]
+    return determinant(rows)
 
 
 def _end(q: list[arb_poly], k: int, side: int) -> arb_poly:

@@ -1,8 +1,8 @@
 r"""Multipliers outside the unit circle, counted over whole intervals of the mesh frequency in ball arithmetic.
 
 With few states pieces are larger than those of a form (verifier.py, whose notation is used here), and need no
-coordinates: the coefficients of chi(z; T) = det(z - Phi(T)) say where multipliers are, by Theorem 3 (disc.py) or, where
-a form Q is kept (nothing is damped), by Theorem 5 (circle.py).
+coordinates: the coefficients of chi(z; T) = det(z - Phi(T)) say where multipliers are, by Theorem 3 or, where a form Q
+is kept (nothing is damped), by Theorem 5. Both are in circle.py.
 
 **On an interval.** The coefficients of chi are computed at NODES equidistant T and interpolated on a cell in their
 middle, T = T_0 + h z, -1 <= z <= 1. The rest is h^N/N! f^(N), somewhere between the N nodes z_j, times the product of
@@ -32,11 +32,9 @@ from flint import arb, arb_mat, arb_poly, ctx
 
 from gearstab.certificates.balls import exact, near
 from gearstab.certificates.choices import modal
-from gearstab.certificates.circle import Circle
-from gearstab.certificates.disc import Disc
 from gearstab.certificates.equations import Flow
-from gearstab.certificates.interpolation import CELL, NODES, bend, to_coefficients
-from gearstab.certificates.roots import CUT, cut
+from gearstab.certificates.multipliers.circle import Circle, Disc
+from gearstab.certificates.multipliers.roots import CELL, CUT, NODES, bend, cut, to_coefficients
 
 BITS, STEP = 128, 0.65
 """Bits of the midpoints; by how much the fastest function can turn from one T to the next."""
@@ -108,7 +106,7 @@ class Counter:
         return 2 * np.pi * self.cycles / float((place * CELL - 0.5) * self.step)
 
     def cell(self, b: int) -> Circle | Disc | None:
-        """What is known of the zeros of chi at all T/step from 4 b - 1/2 to 4 b + 7/2; None if too little."""
+        """Return what is known of the zeros of chi at all T/step from 4 b - 1/2 to 4 b + 7/2; None if too little."""
         if b not in self.cells:
             start = (2 * b + 1) * CELL // 2 - NODES // 2
             nodes = range(start, start + NODES)
@@ -126,7 +124,7 @@ class Counter:
         return Circle(chi) if self.keeps else Disc(chi)
 
     def value(self, j: int) -> list[arb]:
-        """The coefficients of chi at T = j step, from the first that is needed on, but the last; on the way those
+        """Coefficients of chi at T = j step, from the first that is needed on, but the last; on the way those
         from the beginning of a block on.
         """
         start = j // BLOCK * BLOCK

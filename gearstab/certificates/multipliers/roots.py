@@ -1,4 +1,4 @@
-"""Polynomials whose coefficients depend on T: their zeros at one T, and signs of what is made of them.
+"""Polynomials in T on a cell: interpolation, signs, determinants; zeros of those that have them for coefficients.
 
 Polynomials of z on [-1, 1] are cut off at a degree: the last coefficient is then a ball that holds the rest, and may be
 another of its numbers at every z.
@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import combinations
-from math import comb
+from math import comb, factorial
 
-from flint import acb, arb, arb_mat, arb_poly
+from flint import acb, arb, arb_mat, arb_poly, ctx, fmpq
 
+CELL, NODES = 4, 48
+"""Distances of nodes of an interpolation that a cell is long; nodes, half of them on each side of its middle."""
+PRECISE = 512
+"""Bits in which interpolation is turned into coefficients, which are large and cancel each other."""
 CUT, DEGREE = 26, 40
 """Degree at which factors of a determinant are cut off, and this itself."""
 SHORT, LONG = 9, 27
@@ -77,3 +81,24 @@ def _bernstein(n: int) -> arb_mat:
     """From coefficients of a polynomial on [-1, 1] to those of Bernstein."""
     shift = [[arb(comb(k, j) * 2**j * (-1) ** (k - j)) for k in range(n + 1)] for j in range(n + 1)]
     return arb_mat([[arb(comb(i, k)) / comb(n, k) for k in range(n + 1)] for i in range(n + 1)]) * arb_mat(shift)
+
+
+@cache
+def bend() -> arb:
+    """Bound the product of all |z - z_j| on a cell, of NODES numbers z_j at distances 1, symmetric to 0, divided by
+    NODES!: in pairs, |z^2 - z_j^2|.
+    """
+    found = fmpq(1)
+    for k in range(NODES // 2):
+        square = fmpq(2 * k + 1, 2) ** 2
+        found *= max(square, fmpq(CELL * CELL, 4) - square)
+    return arb(found / factorial(NODES))
+
+
+@cache
+def to_coefficients() -> arb_mat:
+    """From values at the nodes to coefficients in z, which is -1 and 1 at the ends of a cell."""
+    with ctx.workprec(PRECISE):
+        nodes = [arb(fmpq(2 * j - NODES + 1, CELL)) for j in range(NODES)]
+        found = arb_mat([[z**k for k in range(NODES)] for z in nodes]).inv()
+    return found * arb(1)  # rounded to the bits of all other matrices
