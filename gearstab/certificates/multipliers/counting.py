@@ -4,7 +4,7 @@ With few states pieces are larger than those of a form (verifier.py, whose notat
 coordinates: the coefficients of chi(z; T) = det(z - Phi(T)) say where multipliers are, by Theorem 3 or, where a form Q
 is kept (nothing is damped), by Theorem 5. Both are in circle.py.
 
-**On an interval.** The coefficients of chi are computed at NODES equidistant T and interpolated on a cell in their
+**On an interval.** The coefficients of chi are computed at N equidistant T and interpolated on a cell in their
 middle, T = T_0 + h z, -1 <= z <= 1. The rest is h^N/N! f^(N), somewhere between the N nodes z_j, times the product of
 all z - z_j. Here f = +-tr L^k Phi, L^k the action on exterior products of k vectors. A factor E_s = exp(f_s A_s T) of
 Phi has |L^k E_s| <= |E_s|^k, and a derivative puts f_s A_s^[k] before it, f_s A_s as a derivation on such products:
@@ -34,12 +34,14 @@ from gearstab.certificates.balls import exact, near
 from gearstab.certificates.choices import modal
 from gearstab.certificates.equations import Flow
 from gearstab.certificates.multipliers.circle import Circle, Disc
-from gearstab.certificates.multipliers.roots import CELL, CUT, NODES, bend, cut, to_coefficients
+from gearstab.certificates.multipliers.roots import CELL, CUT, bend, cut, to_coefficients
 
 BITS, STEP = 128, 0.65
 """Bits of the midpoints; by how much the fastest function can turn from one T to the next."""
-RUN, BLOCK = 16, 128
-"""T between two bounds of |E|; between two exponentials."""
+DAMPED, UNDAMPED, RUN, BLOCK = 32, 48, 16, 128
+"""T of an interpolation, more where multipliers that nearly meet are told apart; T between two bounds of |E|; between
+two exponentials.
+"""
 ROUGH, LONGEST, HALVINGS = 1e-7, 5000, 14
 """Rest of an interpolation that is of no use; cells of a piece that is too long; how often a cell is halved."""
 
@@ -57,7 +59,7 @@ class Counter:
         x = exact(modal(np.array([near(a) for a in flow.generators]), np.bincount(flow.states, flow.fractions)))
         back, self.order = x.inv(), [*zip(flow.states, flow.fractions, strict=True)]
         self.m, own = x.nrows(), [back * a * x for a in flow.generators]
-        self.first = self.m // 2 if self.keeps else 0
+        self.first, self.nodes = (self.m // 2, UNDAMPED) if self.keeps else (0, DAMPED)
         self.every = {(s, f): own[s] * arb(f) for s, f in self.order}
         segments = [self.every[key] for key in self.order]
         self.trace = sum((a.trace() for a in segments), arb(0))
@@ -108,8 +110,8 @@ class Counter:
     def cell(self, b: int) -> Circle | Disc | None:
         """Return what is known of the zeros of chi at all T/step from 4 b - 1/2 to 4 b + 7/2; None if too little."""
         if b not in self.cells:
-            start = (2 * b + 1) * CELL // 2 - NODES // 2
-            nodes = range(start, start + NODES)
+            start = (2 * b + 1) * CELL // 2 - self.nodes // 2
+            nodes = range(start, start + self.nodes)
             values = [self.value(j) for j in nodes]
             bounds = zip(*(self.bounds[run] for run in range(nodes[0] // RUN, nodes[-1] // RUN + 1)), strict=True)
             rest = self.rest(*map(_largest, bounds))
@@ -118,7 +120,7 @@ class Counter:
 
     def found(self, values: list[list[arb]], rest: list[arb]) -> Circle | Disc:
         """Return a cell, from the values that are interpolated on it and what that leaves."""
-        lines = (to_coefficients() * arb_mat(values)).transpose().tolist()
+        lines = (to_coefficients(self.nodes) * arb_mat(values)).transpose().tolist()
         chi = [cut(arb_poly([line[0] + arb(0, 1) * r, *line[1:]]), CUT) for line, r in zip(lines, rest, strict=True)]
         chi.append(arb_poly([1]))
         return Circle(chi) if self.keeps else Disc(chi)
@@ -158,7 +160,7 @@ class Counter:
             inverse = 2 * k > self.m
             speed = self.fastest + (abs(self.trace) if inverse else 0)
             size = volume * shrinks ** (self.m - k) if inverse else grows**k
-            found.append(comb(self.m, k) * size * (speed * self.step) ** NODES * bend())
+            found.append(comb(self.m, k) * size * (speed * self.step) ** self.nodes * bend(self.nodes))
         return found
 
 

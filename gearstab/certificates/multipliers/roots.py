@@ -12,8 +12,8 @@ from math import comb, factorial
 
 from flint import acb, arb, arb_mat, arb_poly, ctx, fmpq
 
-CELL, NODES = 4, 48
-"""Distances of nodes of an interpolation that a cell is long; nodes, half of them on each side of its middle."""
+CELL = 4
+"""Distances of nodes of an interpolation that a cell is long."""
 PRECISE = 512
 """Bits in which interpolation is turned into coefficients, which are large and cancel each other."""
 CUT, DEGREE = 26, 40
@@ -84,21 +84,21 @@ def _bernstein(n: int) -> arb_mat:
 
 
 @cache
-def bend() -> arb:
-    """Bound the product of all |z - z_j| on a cell, of NODES numbers z_j at distances 1, symmetric to 0, divided by
-    NODES!: in pairs, |z^2 - z_j^2|.
+def bend(count: int) -> arb:
+    """Bound the product of all |z - z_j| on a cell, of ``count`` numbers z_j at distances 1, symmetric to 0, divided
+    by count!: in pairs, |z^2 - z_j^2|.
     """
     found = fmpq(1)
-    for k in range(NODES // 2):
+    for k in range(count // 2):
         square = fmpq(2 * k + 1, 2) ** 2
         found *= max(square, fmpq(CELL * CELL, 4) - square)
-    return arb(found / factorial(NODES))
+    return arb(found / factorial(count))
 
 
 @cache
-def to_coefficients() -> arb_mat:
-    """From values at the nodes to coefficients in z, which is -1 and 1 at the ends of a cell."""
+def to_coefficients(count: int) -> arb_mat:
+    """From values at nodes, half of them on each side of a cell's middle, to coefficients in z, which is -1 and 1 at the ends of a cell."""
     with ctx.workprec(PRECISE):
-        nodes = [arb(fmpq(2 * j - NODES + 1, CELL)) for j in range(NODES)]
-        found = arb_mat([[z**k for k in range(NODES)] for z in nodes]).inv()
+        nodes = [arb(fmpq(2 * j - count + 1, CELL)) for j in range(count)]
+        found = arb_mat([[z**k for k in range(count)] for z in nodes]).inv()
     return found * arb(1)  # rounded to the bits of all other matrices
