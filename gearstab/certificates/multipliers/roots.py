@@ -97,7 +97,9 @@ def bend(count: int) -> arb:
 
 @cache
 def to_coefficients(count: int) -> arb_mat:
-    """From values at nodes, half of them on each side of a cell's middle, to coefficients in z, which is -1 and 1 at the ends of a cell."""
+    """From values at nodes, half of them on each side of a cell's middle, to coefficients in z, which is -1 and 1 at
+    its ends.
+    """
     with ctx.workprec(PRECISE):
         nodes = [arb(fmpq(2 * j - count + 1, CELL)) for j in range(count)]
         found = arb_mat([[z**k for k in range(count)] for z in nodes]).inv()
