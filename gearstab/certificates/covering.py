@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from math import ceil, floor
 
 import numpy as np
-from flint import arb
-from scipy.optimize import brentq
 
-from gearstab.certificates.counting import Counter
 from gearstab.certificates.equations import Flow, flow
 from gearstab.certificates.lyapunov import decays
 from gearstab.certificates.making import claimed
+from gearstab.certificates.multipliers.counting import Counter
 from gearstab.certificates.proof import counter
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import gaps
@@ -34,12 +31,14 @@ FIRST, SHORTER, LONGER, SHORTEST = 0.01, 0.5, 2.0, 0.4
 """The longest piece that is tried first with coordinates; factors on the length of the next one, where one was not
 proved, and where it was; the shortest, as a part of the width that is given up at an edge.
 """
-BESIDE = 0.1
-"""Width given up beside multipliers that cross the circle in an unstable interval, as part of that at an edge."""
-SAMPLES = 32
-"""Samples a cell in which such crossings are looked for."""
+UNTOLD, WITHIN = 64, 1e-12
+"""Stretches in which nothing is told without coordinates, after which it is given up; by how much a piece ends before
+one, relative to Omega.
+"""
 
 
+NONE = np.zeros((0, 0))
+"""Coordinates of pieces that need none."""
 Claim = Callable[[float, float], Certificate | None]
 
 
@@ -89,7 +88,7 @@ def by_a_form(known: Flow, low: float, high: float) -> Certificate | None:
 
 def _by_one_carried_along(known: Flow, low: float, high: float) -> Certificate | None:
     """A piece by Theorem 4."""
-    return Certificate(low, high, 0, CARRIED, np.zeros((0, 0))) if decays(known, low, high) else None
+    return Certificate(low, high, 0, CARRIED, NONE) if decays(known, low, high) else None
 
 
 def _of_row(known: Flow, ends: Array) -> list[Certificate]:
@@ -101,7 +100,7 @@ def _of_row(known: Flow, ends: Array) -> list[Certificate]:
         least = max(LEAST, min(share, MOST, NARROW * width))
         edges = k > 0, k < len(widths) - 1
         low, high = ends[k] * (1 + edges[0] * least), ends[k + 1] * (1 - edges[1] * least)
-        counted = [] if counting is None else _without_coordinates(counting, low, high, least)
+        counted = [] if counting is None else _without_coordinates(counting, low, high)
         left = gaps(np.array([(piece.low, piece.high) for piece in counted]).reshape(-1, 2), low, high)
         long = known.form is None and known.generators[0].nrows() ** 2 * len(known.states) > NUMBERS
         for start, stop in left[left[:, 1] > left[:, 0] * (1 + least)].tolist():
@@ -114,40 +113,28 @@ def _of_row(known: Flow, ends: Array) -> list[Certificate]:
     return found
 
 
-def _without_coordinates(counting: Counter, low: float, high: float, least: float) -> list[Certificate]:
-    """Pieces of an interval by Theorem 3: the whole, or what lies between places where multipliers cross the circle
-    while others are outside.
-    """
-    if (whole := _counted(counting, low, high)) is not None:
-        return [whole]
-    beside, zeros = BESIDE * least, _zeros(counting, low, high)
-    starts, ends = [low, *(at * (1 + beside) for at in zeros)], [*(at * (1 - beside) for at in zeros), high]
-    parts, found = [*zip(starts, ends, strict=True)], []
-    while parts:
-        start, end = parts.pop()
-        if (piece := _counted(counting, start, end) if start < end else None) is not None:
-            found.append(piece)
-        elif counting.place(start) - counting.place(end) > 1:  # more than a cell: a half of it may do
-            middle = float(np.sqrt(start * end))
-            parts += [(start, middle), (middle, end)]
-    return found
+def _without_coordinates(counting: Counter, low: float, high: float) -> list[Certificate]:
+    """Pieces of an interval by Theorem 3 or 5: the whole, or what lies between places where nothing is told."""
+    parts: list[tuple[float, float]] = []
+    before: int | None = None
+    untold = 0
+    for start, end, outside in counting.stretches(low, high):
+        untold += outside is None
+        if untold > UNTOLD:
+            break
+        if outside is not None:
+            ends = (max(low, counting.omega(end) * (1 + WITHIN)), min(high, counting.omega(start) * (1 - WITHIN)))
+            if outside == before:
+                parts[-1] = ends[0], parts[-1][1]
+            else:
+                parts.append(ends)
+        before = outside
+    if len(parts) == 1 and before is not None and not untold:
+        return [Certificate(low, high, int(before > 0), COUNTED, NONE)]
+    pieces = (_counted(counting, *part) for part in parts if part[0] < part[1])
+    return [piece for piece in pieces if piece is not None]
 
 
 def _counted(counting: Counter, low: float, high: float) -> Certificate | None:
     outside = counting.outside(low, high)
-    return None if outside is None else Certificate(low, high, int(outside > 0), COUNTED, np.zeros((0, 0)))
-
-
-def _zeros(counting: Counter, low: float, high: float) -> list[float]:
-    """Where p(1) p(-1) D changes its sign, ascending, as far as samples show it."""
-
-    def value(omega: float) -> float:
-        place = float(counting.place(omega))
-        cell = counting.cell(floor(place))
-        return np.nan if cell is None else float(cell[1](arb(2 * (place - floor(place)) - 1)))
-
-    count = max(2, ceil(SAMPLES * float(counting.place(low) - counting.place(high))))
-    at = np.geomspace(low, high, count + 1)
-    values = np.array([value(omega) for omega in at.tolist()])
-    changes = np.flatnonzero(values[1:] * values[:-1] < 0)
-    return [brentq(value, at[k], at[k + 1], xtol=1e-12 * at[k], rtol=1e-12) for k in changes]
+    return None if outside is None else Certificate(low, high, int(outside > 0), COUNTED, NONE)

@@ -71,7 +71,7 @@ LONGEST, ENDLESS, AT_ONCE = 1.2, 1000.0, 2**22
 @dataclass(frozen=True)
 class Certificate:
     """A claim for low <= Omega <= high: growth if outside = k > 0, else stability; rate r, 0 for Theorem 2, COUNTED
-    and CARRIED for those of counting.py and lyapunov.py; coordinates X_1 ``(m, m)``; separators, the zeros of p.
+    and CARRIED for those of multipliers and lyapunov.py; coordinates X_1 ``(m, m)``; separators, the zeros of p.
     """
 
     low: float

@@ -180,8 +180,12 @@ def verify_command(result: Path, jobs: int) -> None:
         for piece in row.refused:
             what = "unstable" if piece.outside else "stable"
             tell(f"{place}not proved {what} from {piece.low:.9g} to {piece.high:.9g}")
+        if not row.agrees and not row.refused:
+            tell(f"{place}not proved: what is stored about the certified share or the edges is not what its pieces say")
     total, refused = sum(row.pieces for row in rows), sum(len(row.refused) for row in rows)
-    say(f"{result}: {total - refused:,} of {total:,} certificates proved")
+    earlier = sum(row.earlier for row in rows)
+    told = f", {earlier:,} of all as an interrupted run left them: verify again to prove these too" if earlier else ""
+    say(f"{result}: {total - refused:,} of {total:,} certificates proved{told}")
     pieces, points = ([row for row in rows if bool(row.points) == of] for of in (False, True))
     if pieces:
         widest = max(row.widest for row in pieces)
@@ -191,7 +195,7 @@ def verify_command(result: Path, jobs: int) -> None:
         )
     if points:
         say(f"the verdict at {_mean(points)} of the points of the grid is a theorem about the model as stored")
-    if refused:
+    if refused or not all(row.agrees for row in rows):
         raise click.exceptions.Exit(FAILED)
 
 

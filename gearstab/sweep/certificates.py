@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from gearstab.certificates.equations import Flow, Segments, flow
 from gearstab.certificates.making import claimed
 from gearstab.certificates.proof import Proof, unpacked
 from gearstab.certificates.segments import segments
-from gearstab.certificates.shares import union_length
+from gearstab.certificates.shares import around_edges, union_length
 from gearstab.certificates.verifier import Certificate
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.document.yaml import parse
@@ -29,10 +29,15 @@ from gearstab.results.output import write_bytes
 from gearstab.results.read import attributes, reading
 from gearstab.sweep.plan import Plan, plan
 from gearstab.sweep.progress import Reporter
+from gearstab.system import Array
 
 if TYPE_CHECKING:
     import xarray as xr
 
+SAID = "certified_share", "uncertified_width", "uncertified_at_boundary"
+"""Variables that say how much of a range its pieces cover."""
+AGREES = 1e-9
+"""Error of what they say."""
 AT_ONCE = 16
 """Pieces between two notes of what was looked at."""
 
@@ -44,20 +49,24 @@ Part = tuple[int, int]
 class CertifiedRow:
     """A row of a result: its values on the axes, its system, its pieces, or points where both ends are one.
 
-    points: of a grid, how many there are; 0 where the pieces are those of a range.
+    points: of a grid, how many there are; 0 where the pieces are those of a range. edges: as stored, of any shape.
+    said: what the variables SAID hold.
     """
 
     place: Mapping[str, Any]
     system: Segments
     pieces: Sequence[Certificate]
     points: int = 0
+    edges: Array = field(default_factory=lambda: np.empty(0))
+    said: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class ProvedRow:
     """Proved part of a row: share of the mesh frequencies, widest rest relative to them; pieces that are not.
 
-    points: of a grid, how many; share and widest are then those of points, and 0.
+    points: of a grid, how many; share and widest are then those of points, and 0. earlier: how many pieces an
+    interrupted run has looked at. agrees: whether what is stored about shares and edges is what is proved.
     """
 
     place: Mapping[str, Any]
@@ -66,25 +75,32 @@ class ProvedRow:
     widest: float
     refused: Sequence[Certificate]
     points: int
+    earlier: int
+    agrees: bool
 
 
 def verify(path: Path, jobs: int, reporter: Reporter) -> list[ProvedRow]:
     """Prove all certificates of a result with ``jobs`` processes. Raises ResultError."""
     rows, (start, stop) = certified(path)
     notes = _Notes(path)
+    earlier = set(notes.proved)
     parts = [(k, at) for k, row in enumerate(rows) for at in range(0, len(row.pieces), AT_ONCE)]
     count = {part: len(rows[part[0]].pieces[part[1] : part[1] + AT_ONCE]) for part in parts}
-    done = sum(count[part] for part in parts if part in notes.proved)
+    done = sum(count[part] for part in parts if part in earlier)
     reporter.begin("certificates", sum(count.values()), done, None, AT_ONCE * jobs)
     try:
-        for part, found in _proved(rows, [part for part in parts if part not in notes.proved], jobs):
+        for part, found in _proved(rows, [part for part in parts if part not in earlier], jobs):
             notes.add(part, found)
             reporter.advance(len(found), 0, found.count(False))
     finally:
         reporter.end()
     notes.remove()
-    return [_of_row(row, [notes.proved[part] for part in parts if part[0] == k], start, stop)
-            for k, row in enumerate(rows)]  # fmt: skip
+    answers = []
+    for k, row in enumerate(rows):
+        own = [part for part in parts if part[0] == k]
+        fine = [answer for part in own for answer in notes.proved[part]]
+        answers.append(_of_row(row, fine, sum(count[part] for part in own if part in earlier), start, stop))
+    return answers
 
 
 def certified(path: Path) -> tuple[list[CertifiedRow], tuple[float, float]]:
@@ -92,6 +108,7 @@ def certified(path: Path) -> tuple[list[CertifiedRow], tuple[float, float]]:
     planned = _plan(path)
     with reading(path) as tree:
         groups = {str(name): node.to_dataset() for name, node in tree.children.items()}
+        _refuse_other_labels(path, planned, groups)
         boundaries, grid = groups.get("boundaries"), groups.get("floquet")
         rows = _pieces(planned, boundaries) if boundaries is not None and "certificate" in boundaries else []
         rows += _points(planned, grid) if grid is not None and "certified" in grid else []
@@ -100,14 +117,26 @@ def certified(path: Path) -> tuple[list[CertifiedRow], tuple[float, float]]:
     return rows, planned.mesh_frequency_range if planned.fast is not None else (0.0, 0.0)
 
 
+def _refuse_other_labels(path: Path, planned: Plan, groups: Mapping[str, xr.Dataset]) -> None:
+    """Raise ResultError where values on axes, which say what a row is about, are not those of the configuration."""
+    for axis in (*planned.row_axes, *([planned.fast] if planned.fast else [])):
+        for found in groups.values():
+            if axis.name in found and list(found[axis.name].values) != list(axis.values):
+                raise ResultError(f"{path}: its values of {axis.name} are not those of its configuration")
+
+
 def _pieces(planned: Plan, found: xr.Dataset) -> list[CertifiedRow]:
     """Return the certified rows of ``methods.boundaries``."""
     ends = found["certificate_frequency"].transpose(*planned.rows, "piece", "side").values
     numbers = found["certificate"].transpose(*planned.rows, "piece", "entry").values
+    edges = found["boundary_frequency"].transpose(*planned.rows, ...).values
+    said = {name: found[name].transpose(*planned.rows, ...).values for name in SAID if name in found}
     rows = []
     for place, named, system in _systems(planned, found):
         there = ~np.isnan(numbers[place][:, 0])
-        rows.append(CertifiedRow(named, system, unpacked(ends[place][there], numbers[place][there])))
+        pieces = unpacked(ends[place][there], numbers[place][there])
+        own = {name: values[place] for name, values in said.items()}
+        rows.append(CertifiedRow(named, system, pieces, 0, edges[place], own))
     return rows
 
 
@@ -128,7 +157,7 @@ def _points(planned: Plan, found: xr.Dataset) -> list[CertifiedRow]:
 def _point(known: Flow, omega: float, stable: int) -> Certificate:
     """A certificate of what is said of a point; one that nobody can prove where its multipliers say otherwise."""
     piece = claimed(known, omega, omega)
-    if piece is not None and (piece.outside == 0) == bool(stable):
+    if piece is not None and stable == int(piece.outside == 0):
         return piece
     return Certificate(omega, omega, 0 if stable else 1, 1.0, np.zeros((1, 1)))
 
@@ -198,13 +227,18 @@ def _prove(part: Part) -> list[bool]:
     return _prover(part)
 
 
-def _of_row(row: CertifiedRow, proved: Sequence[Sequence[bool]], start: float, stop: float) -> ProvedRow:
-    fine = [answer for part in proved for answer in part]
-    ends = [(piece.low, piece.high) for piece, good in zip(row.pieces, fine, strict=True) if good]
-    covered, widest = union_length(np.array(ends).reshape(-1, 2), start, stop)
+def _of_row(row: CertifiedRow, fine: Sequence[bool], earlier: int, start: float, stop: float) -> ProvedRow:
+    ends = np.array([(piece.low, piece.high) for piece, good in zip(row.pieces, fine, strict=True) if good])
     refused = [piece for piece, good in zip(row.pieces, fine, strict=True) if not good]
-    share, widest = (len(ends) / row.points, 0.0) if row.points else (covered / (stop - start), widest)
-    return ProvedRow(row.place, len(fine), share, widest, refused, row.points)
+    if row.points:
+        return ProvedRow(row.place, len(fine), len(ends) / row.points, 0.0, refused, row.points, earlier, True)
+    ends = ends.reshape(-1, 2)
+    covered, widest = union_length(ends, start, stop)
+    share = covered / (stop - start)
+    proved = np.array(share), np.array(widest), around_edges(row.edges, ends, start, stop)
+    said = [(row.said.get(name, value), value) for name, value in zip(SAID, proved, strict=True)]
+    agrees = all(np.allclose(a, b, AGREES, AGREES, equal_nan=True) for a, b in said)
+    return ProvedRow(row.place, len(fine), share, widest, refused, 0, earlier, agrees)
 
 
 class _Notes:

@@ -18,6 +18,7 @@ from gearstab.certificates.segments import segments
 from gearstab.certificates.verifier import CARRIED, COUNTED
 from gearstab.cli.report.facts import curve_speeds, state_of
 from gearstab.config import load
+from gearstab.config.document.yaml import parse
 from gearstab.design.problem import Span
 from gearstab.plots import draw
 from gearstab.results import open_result
@@ -159,6 +160,46 @@ def test_a_changed_certificate_is_named_and_the_rest_kept(copied: Path, forge: C
     assert f"{total - 1} of {total} certificates proved" in done.stdout
 
 
+def test_a_share_or_an_edge_that_the_pieces_do_not_make_up_is_told(copied: Path) -> None:
+    """A share that is too large, a piece that is taken out, an edge that is moved: all pieces left are proved."""
+    kept = copied.read_bytes()
+
+    def larger_share(file: h5py.File) -> None:
+        file["boundaries/certified_share"][1] = 1.0
+
+    def fewer_pieces(file: h5py.File) -> None:
+        file["boundaries/certificate"][0, 1, 0] = np.nan
+
+    def moved_edge(file: h5py.File) -> None:
+        file["boundaries/boundary_frequency"][...] *= 1.01
+
+    for forge in (larger_share, fewer_pieces, moved_edge):
+        copied.write_bytes(kept)
+        with h5py.File(copied, "r+") as file:
+            forge(file)
+        done = ran("verify", copied)
+        assert done.exit_code == 1
+        assert "epsilon 0.3: not proved: what is stored about the certified share" in done.stderr
+        assert "epsilon 0.1" not in done.stderr
+
+
+def test_a_row_under_another_name_is_refused(copied: Path) -> None:
+    with h5py.File(copied, "r+") as file:
+        file["epsilon"][...] = file["epsilon"][...][::-1]
+    assert "its values of epsilon are not those of its configuration" in refused("verify", copied)
+
+
+def test_another_configuration_proves_nothing_of_this_one(copied: Path) -> None:
+    """With the digest that fits it: contact ratios that move both edges."""
+    with h5py.File(copied, "r+") as file:
+        given = str(file.attrs["config"]).replace("contact_ratio: 1.5", "contact_ratio: 1.7")
+        file.attrs["config"] = given
+        file.attrs["config_digest"] = load(parse(given, "case").data, source=copied.with_name("case.yaml")).digest
+    done = ran("verify", copied)
+    assert done.exit_code == 1
+    assert "epsilon 0.3: not proved" in done.stderr
+
+
 POINTS = CASE.replace("[2.2, 2.9]", "[2.0, 2.2, 2.7, 2.9]").replace("boundaries", "floquet")
 
 
@@ -232,7 +273,7 @@ def test_an_interrupted_run_goes_on_where_it_was(copied: Path) -> None:
         verify(copied, 1, Interrupting(True))
     again = Interrupting(False)
     rows = verify(copied, 1, again)
-    assert again.done == min(16, rows[0].pieces)
+    assert again.done == min(16, rows[0].pieces) == rows[0].earlier
     assert not any(row.refused for row in rows)
     assert not copied.with_name("case.h5.verified").exists()
 

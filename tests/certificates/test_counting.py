@@ -13,9 +13,10 @@ pytest.importorskip("flint")
 from flint import arb, arb_poly, ctx
 from test_verifier import SYSTEMS, edge, meissner, multipliers, pieces_of, turning
 
-from gearstab.certificates import counting, roots
-from gearstab.certificates.counting import Counter
 from gearstab.certificates.equations import Flow, flow
+from gearstab.certificates.multipliers import circle, counting, roots
+from gearstab.certificates.multipliers.circle import Circle, Disc
+from gearstab.certificates.multipliers.counting import Counter
 from gearstab.certificates.proof import LONG, Proof, counter
 from gearstab.certificates.verifier import COUNTED, Certificate
 
@@ -68,9 +69,13 @@ def test_cells_hold_the_characteristic_polynomial(name: str) -> None:
                 own = (precise.generators[state] * (at * arb(f))).exp()
                 period = own if period is None else own * period
             chi = period.charpoly()
-            expected = (chi.derivative() * (arb(1) / found.m) if known.form is not None else chi).coeffs()
-            for polynomial, value in zip(cell[0], expected, strict=True):
-                ball = polynomial(arb(z))
+            if isinstance(cell, Circle):  # q(x + 1/x) = x^-n chi(x)
+                places = [arb(x) for x in (1.0, -1.0, 0.5, 2.5, -3.0)]
+                q = arb_poly([p(arb(z)) for p in cell.q])
+                pairs = [(q(x + 1 / x), chi(x) / x ** (found.m // 2)) for x in places]
+            else:
+                pairs = [*zip((p(arb(z)) for p in cell.a), chi.coeffs(), strict=True)]
+            for ball, value in pairs:
                 assert ball.overlaps(value)
                 assert ball.rad() < 1e-9
     finally:
@@ -84,11 +89,49 @@ def test_crossing_is_the_product_of_what_vanishes_on_the_circle(n: int) -> None:
     pairs = random.uniform(0.3, 1.4, n // 2) * np.exp(1j * random.uniform(0.1, 3.0, n // 2))
     zeros = np.concatenate([pairs, pairs.conj(), random.uniform(-1.5, 1.5, n % 2)])
     a = np.poly(zeros).real[::-1]
-    found = roots.crossing([arb_poly([float(value)]) for value in a])
+    found = Disc([arb_poly([float(value)]) for value in a])
     product = np.prod([1 - x * y for x, y in combinations(zeros, 2)]).real
-    expected = np.polyval(a[::-1], 1) * np.polyval(a[::-1], -1) * product
-    assert abs(float(found(arb(0)))) == pytest.approx(abs(expected), rel=1e-9)
-    assert roots.outside(arb_poly([float(value) for value in a])) == (np.abs(zeros) > 1).sum()
+    for factor, expected in zip(found.barrier, (np.polyval(a[::-1], 1), np.polyval(a[::-1], -1), product), strict=True):
+        assert abs(float(factor.p(arb(0)))) == pytest.approx(abs(expected), rel=1e-9)
+    assert found.outside(arb(-1), arb(1)) == (np.abs(zeros) > 1).sum()
+
+
+def reciprocal(w: np.ndarray) -> Circle:
+    """Return what is known of the product of all z^2 - w z + 1."""
+    a = np.ones(1)
+    for value in w:
+        a = np.convolve(a, [1.0, -value, 1.0])
+    return Circle([arb_poly([float(value)]) for value in a.real[len(w) :]])
+
+
+@pytest.mark.parametrize("n", range(1, 6))
+def test_on_the_circle_or_not_is_told_by_known_zeros(n: int) -> None:
+    random = np.random.default_rng(n)
+    for _ in range(20):
+        w = random.uniform(-1.99, 1.99, n).astype(complex)
+        kinds = int(random.integers(4))
+        if kinds == 1:
+            w[0] = random.uniform(2.01, 4.0) * (1 if random.integers(2) else -1)
+        elif kinds > 1 and n > 1:
+            at = random.uniform(-3, 3, kinds)
+            w[:2] = at if kinds == 2 else at[0] + 0.1j * at[1] * np.array([1, -1])
+        found = reciprocal(w)
+        expected = np.prod(2 - w), np.prod(2 + w), np.prod([(x - y) ** 2 for x, y in combinations(w, 2)])
+        scale = 1, 1, n ** (n - 2)
+        for factor, value, by in zip(found.barrier, expected, scale, strict=True):
+            assert float(factor.p(arb(0))) == pytest.approx(value.real * by, rel=1e-8, abs=1e-9)
+        calm = (np.abs(w.imag) == 0).all() and (np.abs(w.real) < 2).all()
+        assert found.outside(arb(-1), arb(1)) == int(not calm)
+
+
+def test_what_is_on_its_way_off_the_circle_is_not_told() -> None:
+    """w = 1.9 + 0.2 z is 2 within, and so is a pair 0.1 (1 +- sqrt(z))."""
+    line = arb_poly([1])
+    through = Circle([arb_poly([-1.9, -0.2]), line])
+    assert [through.outside(arb(a), arb(b)) for a, b in ((-1, 1), (-1, 0.4), (0.6, 1))] == [None, 0, 1]
+    # q = (w - 0.1)^2 - 0.01 z: a_1 = -0.2, and a_2 is q_0 + 2.
+    meeting = Circle([arb_poly([2.01, -0.01]), arb_poly([-0.2]), line])
+    assert [meeting.outside(arb(a), arb(b)) for a, b in ((-1, 1), (0.01, 1), (-1, -0.01))] == [None, 0, 1]
 
 
 def test_what_is_cut_off_is_held_by_the_last_coefficient() -> None:
@@ -103,11 +146,13 @@ def test_what_is_cut_off_is_held_by_the_last_coefficient() -> None:
 def test_zeros_are_not_overlooked() -> None:
     """Polynomials with a simple and with a double zero within, and with none; zeros outside do not count."""
     one, two = arb_poly([arb(-0.3), arb(1)]), arb_poly([arb(0.7), arb(1)])
-    assert not roots.nonzero(one * two, arb(-1), arb(1))
-    assert not roots.nonzero(one * one, arb(-1), arb(1))
-    assert roots.nonzero(one * one, arb(0.301), arb(1))
-    assert roots.nonzero(one * two, arb(-0.69), arb(0.29))
-    assert not roots.nonzero(one * two, arb(-0.69), arb(0.31))
+    simple, double = roots.Factor(one * two), roots.Factor(one * one)
+    assert not simple.sign(arb(-1), arb(1))
+    assert not double.sign(arb(-1), arb(1))
+    assert double.sign(arb(0.301), arb(1)) == 1
+    assert simple.sign(arb(-0.69), arb(0.29)) == -1
+    assert not simple.sign(arb(-0.69), arb(0.31))
+    assert not roots.Factor(arb_poly([])).sign(arb(-1), arb(1))
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.001])
@@ -166,4 +211,5 @@ def test_growth_without_bound_over_a_window_is_no_proof() -> None:
 
 def test_a_referee_reads_two_hundred_lines() -> None:
     assert len(getsource(counting).splitlines()) <= 200
-    assert len(getsource(roots).splitlines()) <= 100
+    for module in (circle, roots):
+        assert len(getsource(module).splitlines()) <= 140

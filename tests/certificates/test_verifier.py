@@ -13,11 +13,12 @@ from scipy.linalg import expm
 
 pytest.importorskip("flint")
 
-from gearstab.certificates import balls, carried, choices, counting, equations, lyapunov, proof, roots, verifier
+from gearstab.certificates import balls, carried, choices, equations, lyapunov, proof, verifier
 from gearstab.certificates.balls import near
 from gearstab.certificates.covering import FIRST, by_a_form, covered
 from gearstab.certificates.equations import Flow, Segments, flow
 from gearstab.certificates.making import claimed
+from gearstab.certificates.multipliers import circle, counting, roots
 from gearstab.certificates.verifier import Certificate, proves
 
 GYROSCOPIC = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -265,17 +266,21 @@ def test_the_proof_imports_nothing_of_the_program() -> None:
         "dataclasses",
         "fractions",
         "functools",
+        "itertools",
         "math",
         "numpy",
         "flint",
         "scipy.linalg",
         "typing",
     }
-    names = ("choices", "balls", "equations", "verifier", "roots", "counting", "carried", "lyapunov")
-    choosing, algebra, matrices, proving, zeros, numbers, forms, falling = (f"gearstab.certificates.{n}" for n in names)
+    names = ("choices", "balls", "equations", "verifier", "carried", "lyapunov")
+    choosing, algebra, matrices, proving, forms, falling = (f"gearstab.certificates.{n}" for n in names)
+    places = ("counting", "roots", "circle")
+    numbers, zeros, deciding = (f"gearstab.certificates.multipliers.{n}" for n in places)
     table = (
         (choices, set()), (balls, set()), (roots, set()), (equations, {choosing, algebra}),
-        (verifier, {choosing, algebra, matrices}), (counting, {choosing, algebra, zeros, matrices}), (carried, set()),
+        (verifier, {choosing, algebra, matrices}), (carried, set()),
+        (counting, {choosing, algebra, zeros, matrices, deciding}), (circle, {zeros}),
         (lyapunov, {forms, algebra, matrices}), (proof, {numbers, falling, matrices, proving}),
     )  # fmt: skip
     for module, allowed in table:

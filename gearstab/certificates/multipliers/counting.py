@@ -1,24 +1,10 @@
 r"""Multipliers outside the unit circle, counted over whole intervals of the mesh frequency in ball arithmetic.
 
 With few states pieces are larger than those of a form (verifier.py, whose notation is used here), and need no
-coordinates. Let chi(z; T) = det(z - Phi(T)), real with leading coefficient 1, of degree m.
+coordinates: the coefficients of chi(z; T) = det(z - Phi(T)) say where multipliers are, by Theorem 3 or, where a form Q
+is kept (nothing is damped), by Theorem 5. Both are in circle.py.
 
-**Theorem 3.** Let p = chi, or, where a form Q is kept (nothing is damped), p = chi'/m; a_0, ..., a_n = 1 its
-coefficients (all others are 0) and D = det(a_(j+l) - a_(j-l)), j, l = 1, ..., n - 1. If p(1) p(-1) D is not 0 for any T
-of an interval, as many zeros of p are outside the unit circle at all these T. If none are, all solutions decay
-exponentially or, where p = chi'/m, are bounded, also for all A_s near enough that keep Q. If some are, some grow.
-*Proof.* Zeros are continuous. One that crosses the circle is 1 or -1 there, or one of a pair e^(+-it) that are not
-real. Then 0 = Im(e^(-ijt) p(e^(it))) = sum_k a_k sin((k - j) t) = sum_l (a_(j+l) - a_(j-l)) sin(l t), 1 <= j < n, so
-that D = 0. For p = chi the rest is known. Else z^m chi(1/z) = chi(z), as Phi^-1 is similar to Phi^T, and
-
-    z chi'(z) + z^(m-1) chi'(1/z) = m chi(z).
-
-If all zeros of chi' are inside, |chi'(z)| > |z^(m-1) chi'(1/z)| for |z| > 1, factor by factor: chi has no zero outside,
-none inside, as 1/z would be outside, and no double one on the circle, which chi' would have too. Simple multipliers z
-cannot leave the circle: 1/conj(z) would be another one nearby. If chi' has a zero outside, so has chi, as zeros of a
-derivative are within the convex hull of those of the polynomial (Gauss and Lucas).
-
-**On an interval.** The coefficients of chi are computed at NODES equidistant T and interpolated on a cell in their
+**On an interval.** The coefficients of chi are computed at N equidistant T and interpolated on a cell in their
 middle, T = T_0 + h z, -1 <= z <= 1. The rest is h^N/N! f^(N), somewhere between the N nodes z_j, times the product of
 all z - z_j. Here f = +-tr L^k Phi, L^k the action on exterior products of k vectors. A factor E_s = exp(f_s A_s T) of
 Phi has |L^k E_s| <= |E_s|^k, and a derivative puts f_s A_s^[k] before it, f_s A_s as a derivation on such products:
@@ -30,34 +16,38 @@ half the sum of all singular values of K, is at most half the sum of the lengths
 bounded at the beginning of a run of nodes; |E_s| then grows like exp(f_s T s) at most, s the largest eigenvalue of S.
 Both are bounded by Gershgorin's discs. Where k > m/2, tr L^k Phi = det Phi tr L^(m-k) Phi^-1 is bounded likewise, with
 det Phi = exp(T sum f_s tr A_s). Norms are spectral ones in coordinates of choices.py; any choice is right.
-What tells zeros from none on a cell is in roots.py.
+Where a form Q is kept, coefficients k and m - k are alike.
 
 **Not covered**: matrices that follow the speed, and what verifier.py does not cover either.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from functools import cache, reduce
-from math import comb, factorial
+from collections.abc import Iterable, Iterator
+from functools import reduce
+from math import comb
 
 import numpy as np
-from flint import arb, arb_mat, arb_poly, ctx, fmpq
+from flint import arb, arb_mat, arb_poly, ctx
 
 from gearstab.certificates.balls import exact, near
 from gearstab.certificates.choices import modal
 from gearstab.certificates.equations import Flow
-from gearstab.certificates.roots import CUT, crossing, cut, nonzero, outside
+from gearstab.certificates.multipliers.circle import Circle, Disc
+from gearstab.certificates.multipliers.roots import CELL, CUT, bend, cut, to_coefficients
 
 BITS, STEP = 128, 0.65
 """Bits of the midpoints; by how much the fastest function can turn from one T to the next."""
-CELL, NODES, RUN, BLOCK = 4, 32, 16, 128
-"""T of a cell; around its middle, of an interpolation; between two bounds of |E|; between two exponentials."""
-ROUGH, LONGEST = 1e-7, 5000
-"""Rest of an interpolation that is of no use; cells of a piece that is too long."""
+DAMPED, UNDAMPED, RUN, BLOCK = 32, 48, 16, 128
+"""T of an interpolation, more where multipliers that nearly meet are told apart; T between two bounds of |E|; between
+two exponentials.
+"""
+ROUGH, LONGEST, HALVINGS = 1e-7, 5000, 14
+"""Rest of an interpolation that is of no use; cells of a piece that is too long; how often a cell is halved."""
 
 Key = tuple[int, float]
-Cell = tuple[list[arb_poly], arb_poly]
+Stretch = tuple[arb, arb, int | None]
+"""First and last T, in cells; multipliers outside (1: some, where nothing is damped), None where it is not shown."""
 
 
 class Counter:
@@ -69,6 +59,7 @@ class Counter:
         x = exact(modal(np.array([near(a) for a in flow.generators]), np.bincount(flow.states, flow.fractions)))
         back, self.order = x.inv(), [*zip(flow.states, flow.fractions, strict=True)]
         self.m, own = x.nrows(), [back * a * x for a in flow.generators]
+        self.first, self.nodes = (self.m // 2, UNDAMPED) if self.keeps else (0, DAMPED)
         self.every = {(s, f): own[s] * arb(f) for s, f in self.order}
         segments = [self.every[key] for key in self.order]
         self.trace = sum((a.trace() for a in segments), arb(0))
@@ -82,49 +73,62 @@ class Counter:
         self.reached: dict[int, tuple[int, dict[Key, arb_mat]]] = {}
         self.values: dict[int, list[arb]] = {}
         self.bounds: dict[int, list[arb]] = {}
-        self.cells: dict[int, Cell | None] = {}
+        self.cells: dict[int, Circle | Disc | None] = {}
 
     def outside(self, low: float, high: float) -> int | None:
-        """How many zeros of p are outside at all low <= Omega <= high; None where that is not shown."""
+        """How many multipliers are outside at all low <= Omega <= high; None where that is not shown."""
+        number = None
+        for k, (_, _, found) in enumerate(self.stretches(low, high)):
+            if found is None or (k and found != number):
+                return None
+            number = found
+        return number
+
+    def stretches(self, low: float, high: float) -> Iterator[Stretch]:
+        """Stretches of T that make up low <= Omega <= high, from the first on."""
         ctx.prec = BITS
         start, end = self.place(high), self.place(low)
         if not end < LONGEST:
-            return None
+            yield start, end, None
+            return
         first, last = (int(float(at.floor())) for at in (start.lower(), end.upper()))
-        coefficients: list[arb] = []
         for b in range(first, last + 1):
             left, right = (2 * (start - b) - 1).lower().max(arb(-1)), (2 * (end - b) - 1).upper().min(arb(1))
             cell = self.cell(b)
-            if cell is None or not nonzero(cell[1], left, right):
-                return None
-            coefficients = [a((left + right) / 2) for a in cell[0]]
-        return outside(arb_poly(coefficients))
+            parts = [(left, right, None)] if cell is None else _told(cell, left, right, HALVINGS)
+            for left, right, number in parts:
+                yield b + (left + 1) / 2, b + (right + 1) / 2, number
 
     def place(self, omega: float) -> arb:
         """Return T in cells from the beginning of cell 0 on."""
         return (2 * arb.pi() * arb(self.cycles) / arb(omega) / self.step + arb(0.5)) / CELL
 
-    def cell(self, b: int) -> Cell | None:
-        """p's coefficients and p(1) p(-1) D as polynomials on a cell, of T/step from 4 b - 1/2 to 4 b + 7/2."""
+    def omega(self, place: arb) -> float:
+        """Return the mesh frequency at a T in cells, nearly."""
+        return 2 * np.pi * self.cycles / float((place * CELL - 0.5) * self.step)
+
+    def cell(self, b: int) -> Circle | Disc | None:
+        """Return what is known of the zeros of chi at all T/step from 4 b - 1/2 to 4 b + 7/2; None if too little."""
         if b not in self.cells:
-            start = (2 * b + 1) * CELL // 2 - NODES // 2
-            nodes = range(start, start + NODES)
+            start = (2 * b + 1) * CELL // 2 - self.nodes // 2
+            nodes = range(start, start + self.nodes)
             values = [self.value(j) for j in nodes]
             bounds = zip(*(self.bounds[run] for run in range(nodes[0] // RUN, nodes[-1] // RUN + 1)), strict=True)
             rest = self.rest(*map(_largest, bounds))
             self.cells[b] = self.found(values, rest) if all(r < ROUGH for r in rest) else None
         return self.cells[b]
 
-    def found(self, values: list[list[arb]], rest: list[arb]) -> Cell:
+    def found(self, values: list[list[arb]], rest: list[arb]) -> Circle | Disc:
         """Return a cell, from the values that are interpolated on it and what that leaves."""
-        lines = (_interpolation() * arb_mat(values)).transpose().tolist()
+        lines = (to_coefficients(self.nodes) * arb_mat(values)).transpose().tolist()
         chi = [cut(arb_poly([line[0] + arb(0, 1) * r, *line[1:]]), CUT) for line, r in zip(lines, rest, strict=True)]
         chi.append(arb_poly([1]))
-        p = [a * (arb(k) / self.m) for k, a in enumerate(chi)][1:] if self.keeps else chi
-        return p, crossing(p)
+        return Circle(chi) if self.keeps else Disc(chi)
 
     def value(self, j: int) -> list[arb]:
-        """The coefficients of chi at T = j step, but the last; on the way those from the beginning of a block on."""
+        """Coefficients of chi at T = j step, from the first that is needed on, but the last; on the way those
+        from the beginning of a block on.
+        """
         start = j // BLOCK * BLOCK
         if start not in self.reached:
             self.reached[start] = start, {key: (a * (self.step * start)).exp() for key, a in self.every.items()}
@@ -135,7 +139,7 @@ class Counter:
             period = flows[self.order[0]]
             for key in self.order[1:]:
                 period = flows[key] * period
-            self.values[at] = period.charpoly().coeffs()[:-1]
+            self.values[at] = period.charpoly().coeffs()[self.first : -1]
             at, flows = at + 1, {key: self.steps[key] * flow for key, flow in flows.items()}
             self.reached[start] = at, flows
         return self.values[j]
@@ -150,14 +154,25 @@ class Counter:
         return [most.sqrt() * (self.grows * run).exp(), (self.shrinks * run).exp() / least.sqrt(), volume]
 
     def rest(self, grows: arb, shrinks: arb, volume: arb) -> list[arb]:
-        """Bounds of what the interpolation of each coefficient of chi but the last leaves."""
+        """Bounds of what the interpolation of each of these coefficients leaves."""
         found = []
-        for k in range(self.m, 0, -1):
+        for k in range(self.m - self.first, 0, -1):
             inverse = 2 * k > self.m
             speed = self.fastest + (abs(self.trace) if inverse else 0)
             size = volume * shrinks ** (self.m - k) if inverse else grows**k
-            found.append(comb(self.m, k) * size * (speed * self.step) ** NODES * _bend())
+            found.append(comb(self.m, k) * size * (speed * self.step) ** self.nodes * bend(self.nodes))
         return found
+
+
+def _told(cell: Circle | Disc, left: arb, right: arb, halvings: int) -> Iterator[Stretch]:
+    """Parts of a cell, of z, and how many zeros are outside on each."""
+    number = cell.outside(left, right)
+    if number is not None or not halvings:
+        yield left, right, number
+    else:
+        middle = (left + right) / 2
+        yield from _told(cell, left, middle, halvings - 1)
+        yield from _told(cell, middle, right, halvings - 1)
 
 
 def _turning(a: arb_mat) -> arb:
@@ -174,23 +189,3 @@ def _discs(a: arb_mat) -> tuple[arb, arb]:
 
 def _largest(values: Iterable[arb]) -> arb:
     return reduce(lambda a, b: a.max(b), (value.upper() for value in values))
-
-
-@cache
-def _bend() -> arb:
-    """Bound the product of all |z - z_j| on a cell, of NODES numbers z_j at distances 1, symmetric to 0, divided by
-    NODES!: in pairs, |z^2 - z_j^2|.
-    """
-    found = fmpq(1)
-    for k in range(NODES // 2):
-        square = fmpq(2 * k + 1, 2) ** 2
-        found *= max(square, fmpq(CELL * CELL, 4) - square)
-    return arb(found / factorial(NODES))
-
-
-@cache
-def _interpolation() -> arb_mat:
-    """From values at the nodes to coefficients in z, which is -1 and 1 at the ends of a cell."""
-    with ctx.workprec(4 * BITS):
-        nodes = [arb(fmpq(2 * j - NODES + 1, CELL)) for j in range(NODES)]
-        return arb_mat([[z**k for k in range(NODES)] for z in nodes]).inv()
