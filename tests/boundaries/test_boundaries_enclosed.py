@@ -84,7 +84,7 @@ def test_regions_of_many_coordinates(item: GearSystem, start: float, stop: float
     """The search finds what counts and halving find."""
     (pattern,) = prepare(item)
     first, last = pattern.elastic.rate / stop, pattern.elastic.rate / start
-    found = search(pattern, first, last, TOLERANCE, FLOOR)
+    found = undamped.search(pattern, first, last, TOLERANCE, FLOOR)
     known = krein_search.search(pattern, first, last, TOLERANCE, FLOOR)
     own, other = (wide(intervals) for intervals in (found.intervals, known))
     assert len(own) == len(other) > 5
