@@ -8,6 +8,7 @@ import pytest
 from systems import KINDS, system
 
 from gearstab.ckernel import library
+from gearstab.floquet.boundaries import undamped
 from gearstab.floquet.boundaries.counting.krein import spectrum
 from gearstab.floquet.boundaries.parts import Intervals
 from gearstab.floquet.kernel import c_kernel
