@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.ckernel import in_threads
 from gearstab.floquet.kernel import decision
 from gearstab.floquet.kernel import factors as left
 from gearstab.floquet.kernel.damped import Generators
+from gearstab.floquet.kernel.threads import in_threads
 from gearstab.floquet.segments.pattern import Pattern, Succession
 from gearstab.system import Array
 
