@@ -139,7 +139,8 @@ def phase_step(system: GearSystem) -> int | None:
     if symmetry is None:
         return None
     order = symmetry.order
-    for mesh, following in _neighbours(system.meshes, symmetry.turn):
+    for mesh, place in zip(system.meshes, _following(system.meshes, symmetry.turn), strict=True):
+        following = system.meshes[place]
         if following is mesh:
             return None
         step = float(np.asarray(following.lag) - np.asarray(mesh.lag)) * order
@@ -161,11 +162,6 @@ def turns(system: GearSystem) -> Array:
         while found[mesh] < 0:
             found[mesh], mesh, count = count, following[mesh], count + 1
     return np.maximum(found, 0)
-
-
-def _neighbours(meshes: tuple[Mesh, ...], turn: Array) -> Iterator[tuple[Mesh, Mesh]]:
-    """Every mesh with the one that it becomes by a turn."""
-    return zip(meshes, (meshes[k] for k in _following(meshes, turn)), strict=True)
 
 
 def _following(meshes: tuple[Mesh, ...], turn: Array) -> list[int]:

@@ -5,41 +5,31 @@ Environment variables choose for a whole process, :func:`using` for a part of a 
 * GEARSTAB_SIMD: ``plain``, ``avx2`` or ``avx512``, a limit of the vector instructions used, by default the best
   that the processor has;
 * GEARSTAB_THREADS: how many threads a call may use, by default one for each processor.
-
-A call of the kernel lets other threads run: :func:`in_threads` hands its rows out in pieces.
 """
 
 from __future__ import annotations
 
 import os
 import time
-from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
-from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gearstab.errors import SettingError
-from gearstab.interrupts import heed, own
+from gearstab.interrupts import own
 
 Array = np.ndarray
 
 MISSING = "the compiled kernel is missing; install gearstab again, where there is no C compiler with the wheel ziglang"
 OUTDATED = "the compiled kernel is older than its sources; run `make install`, or `pip install -e .` once more"
 GONE = "the kernel is the compiled one; there is none in NumPy any more"
-WORTH_A_THREAD = 2e5
-"""Operations of a chunk of rows (segments times coordinates cubed) below which a thread costs more than it gains."""
-CHUNKS_A_THREAD = 4
-"""Rows are handed out in so many pieces at least, so that a thread whose rows are quick takes more of them."""
-LARGEST_PIECE = 2e7
-"""Operations of a piece, if a row is not more: the milliseconds for which the last one may keep a thread alone."""
 
 
 def _loaded() -> Any:
@@ -183,49 +173,3 @@ def exponentials(matrix: Array) -> Array:
     if given.size:
         library.exponentials(simd(), count, m, 0, count, given, result)
     return result
-
-
-if TYPE_CHECKING:
-    from concurrent.futures import ThreadPoolExecutor
-
-
-def in_threads(part: Callable[[int, int], None], rows: int, cost_of_row: float, limit: int | None) -> None:
-    """Call part(first, last) on pieces of the rows, in as many threads as pay, of which the caller is one."""
-    from concurrent.futures import wait
-
-    heed()
-    workers = min(limit or threads(), rows, int(rows * cost_of_row / WORTH_A_THREAD))
-    if workers <= 1:
-        part(0, rows)
-        return
-    count = min(rows, max(CHUNKS_A_THREAD * workers, int(rows * cost_of_row / LARGEST_PIECE)))
-    pieces = deque(pairwise(rows * k // count for k in range(count + 1)))
-
-    def work() -> None:
-        while True:
-            try:
-                first, last = pieces.popleft()
-            except IndexError:  # nothing is left
-                return
-            part(first, last)
-
-    helpers = [_helpers().submit(work) for _ in range(workers - 1)]
-    try:
-        work()
-        # One that has not begun, as all threads help others or a fork has none, is not waited for.
-        for helper in helpers:
-            if not helper.cancel():
-                helper.result()
-    except BaseException as error:
-        pieces.clear()
-        with stopping() if isinstance(error, KeyboardInterrupt) else nullcontext():
-            wait([helper for helper in helpers if not helper.cancel()])
-        raise
-
-
-@cache
-def _helpers() -> ThreadPoolExecutor:
-    """Threads that wait for work: to start them for every call takes as long as half a small scan."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    return ThreadPoolExecutor(max(os.cpu_count() or 1, threads()), "gearstab kernel")

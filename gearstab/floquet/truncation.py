@@ -60,8 +60,7 @@ def type_basis(system: GearSystem, kind: int | str) -> Array:
         chosen = [kind]
     projection = sum(_projection(symmetry.turn, symmetry.order, t) for t in chosen)
     rank = round(float(np.trace(projection)))
-    basis: Array = np.linalg.svd(projection)[0][:, :rank]
-    return basis
+    return np.asarray(np.linalg.svd(projection)[0][:, :rank])
 
 
 def _projection(turn: Array, order: int, kind: int) -> Array:

@@ -96,8 +96,7 @@ def undamped(coupling: Array) -> Array:
 
 def _tiny(matrix: Array) -> Array:
     """Value that counts as zero compared with the entries of ``matrix``: rounding of the modal transformation."""
-    size: Array = ROUNDING * np.abs(matrix).max(axis=(-2, -1))
-    return size
+    return np.asarray(ROUNDING * np.abs(matrix).max(axis=(-2, -1)))
 
 
 def growth(sigma: Array, coupling: Array, damping_p: Array, damping_q: Array) -> Array:
@@ -110,8 +109,8 @@ def largest_rate(sigma: Array, matrix: Array, p: int) -> Array:
 
     p: the size of the group P, whose amplitudes come first: S = diag(-1, ..., 1, ...).
     """
-    rates: Array = np.linalg.eigvals(matrix + 0.5j * sigma[:, None, None] * np.diag(_sides(p, matrix))).real
-    return rates.max(axis=-1)
+    turned = matrix + 0.5j * sigma[:, None, None] * np.diag(_sides(p, matrix))
+    return np.asarray(np.linalg.eigvals(turned).real.max(axis=-1))
 
 
 def _sides(p: int, matrix: Array) -> Array:
@@ -174,8 +173,7 @@ def crossings(matrix: Array, p: int) -> Array:
     mixed, same = np.flatnonzero(weight), np.flatnonzero(weight == 0)
     inner = np.linalg.solve(total[:, same[:, None], same], total[:, same[:, None], mixed])
     reduced = total[:, mixed[:, None], mixed] - total[:, mixed[:, None], same] @ inner
-    found: Array = np.linalg.eigvals(2j * reduced / weight[mixed][:, None])
-    return found
+    return np.asarray(np.linalg.eigvals(2j * reduced / weight[mixed][:, None]))
 
 
 def _semidefinite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[float, float]:

@@ -61,8 +61,7 @@ class Family:
 
     def excites(self, k: Array) -> Array:
         """Whether a k is a harmonic of any member."""
-        found: Array = np.any([k % cycles == 0 for cycles in dict.fromkeys(self.cycles)], axis=0)
-        return found
+        return np.asarray(np.any([k % cycles == 0 for cycles in dict.fromkeys(self.cycles)], axis=0))
 
     def near(self, position: Array, cycles: int) -> tuple[Array, Array]:
         """The multiples of ``cycles`` around a position."""
@@ -132,10 +131,6 @@ class Excited:
     def highest(self) -> tuple[int, ...]:
         """Up to which harmonic each mesh is known."""
         return tuple(z.shape[-1] - 1 for z in self.tables)
-
-    def last(self, family: Family) -> list[int]:
-        """The same of the members of a family."""
-        return [self.highest[i] for i in family.members]
 
     def rows(self, rows: slice) -> Excited:
         return Excited(self.strength[rows], self.deflection[rows], tuple(z[rows] for z in self.tables))

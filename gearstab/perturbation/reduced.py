@@ -70,8 +70,7 @@ class Reduced(Columns):
     @property
     def coupling(self) -> Array:
         """G."""
-        found: Array = self.first - self.second
-        return found
+        return np.asarray(self.first - self.second)
 
     @property
     def single(self) -> bool:
@@ -81,8 +80,7 @@ class Reduced(Columns):
 
 def adjoint(matrix: Array) -> Array:
     """The conjugate transpose of the last two dimensions."""
-    found: Array = np.conj(np.swapaxes(matrix, -1, -2))
-    return found
+    return np.asarray(np.conj(np.swapaxes(matrix, -1, -2)))
 
 
 def edges(problem: Reduced) -> tuple[Array, Array]:
@@ -232,8 +230,7 @@ def _matrix(problem: Reduced, sigma: Array) -> Array:
 
 def _growth(problem: Reduced, sigma: Array) -> Array:
     """The largest rate of growth, -Im x."""
-    rates: Array = -np.linalg.eigvals(_matrix(problem, sigma)).imag
-    return rates.max(axis=-1)
+    return np.asarray((-np.linalg.eigvals(_matrix(problem, sigma)).imag).max(axis=-1))
 
 
 def _general(problem: Reduced) -> tuple[Array, Array]:

@@ -99,8 +99,7 @@ def _reach(family: Family, squared: Array, pairs: Pairs) -> Array:
     top = np.sqrt(np.abs(squared).max(axis=-1, initial=0.0))
     position = (pairs.frequency + top[:, None]) / (family.base * pairs.unit)
     needed = np.maximum(LEAST, FACTOR * position.max(axis=0) / max(family.cycles))
-    found: Array = 2 ** np.ceil(np.log2(needed)).astype(int)
-    return found
+    return np.asarray(2 ** np.ceil(np.log2(needed)).astype(int))
 
 
 def _chunks(excited: Excited, family: Family, which: Array, last: int, n: int) -> list[tuple[slice, Array]]:

@@ -220,8 +220,7 @@ def _family_of(system: GearSystem, force: ParametricExcitation) -> tuple[Family,
 
 def _times(matrix: Array, factor: Array) -> Array:
     """A factor on every matrix."""
-    found: Array = matrix * factor[..., None, None]
-    return found
+    return np.asarray(matrix * factor[..., None, None])
 
 
 class _Couplings:

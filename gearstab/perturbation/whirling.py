@@ -31,7 +31,7 @@ from gearstab.perturbation.damped import product_pair
 from gearstab.perturbation.tongues import ParametricExcitation
 from gearstab.perturbation.tongues import harmonics as harmonics_of_terms
 from gearstab.perturbation.unsymmetric import groups
-from gearstab.propagation.elastic import ElasticForm, elastic_forms, mean_levels
+from gearstab.propagation.elastic import ElasticRows, mean_levels, single_rows
 from gearstab.roots import RootBrackets, narrowed
 from gearstab.system import Array, GearSystem
 
@@ -72,21 +72,21 @@ class RowTongues:
 
 def whirling_rows(system: GearSystem) -> list[MeanRow]:
     """Return the mean systems of all rows of the flattened batch."""
-    forms, levels = elastic_forms(system), mean_levels(system)
-    return [MeanRow(system, row, form, level) for row, (form, level) in enumerate(zip(forms, levels, strict=True))]
+    return [MeanRow(system, *own) for own in zip(single_rows(system), mean_levels(system), strict=True)]
 
 
 class MeanRow:
     """One row of a system whose mean goes with the mesh frequency."""
 
-    def __init__(self, system: GearSystem, row: int, form: ElasticForm, level: Array) -> None:
-        self.system, self.row, self.form, self.level = system, row, form, level
-        self.held = form.form.by_speed is None
+    def __init__(self, system: GearSystem, own: ElasticRows, level: Array) -> None:
+        self.system, self.row, self.form, self.level = system, int(own.form.rows[0]), own.form, level
+        self.rate, self.rigid_exponents = float(own.form.rate[0]), own.rigid_exponents[0]
+        self.held = own.form.by_speed is None
 
     def matrices(self, omega: Array) -> Array:
         """A ``(K, m, m)`` at mesh frequencies ``(K,)``, in units of the rate."""
         levels = np.broadcast_to(self.level, (len(omega), 1, len(self.level)))
-        return self.form.form.generator(levels, omega[:, None])[:, 0]
+        return self.form.generator(levels, omega[:, None])[:, 0]
 
     def frequencies(self, omega: Array) -> tuple[Array, Array]:
         """(w ``(K, n)`` ascending, 0 of what does not oscillate, the growth ``(K, n)`` of these motions), 1/time."""
@@ -95,13 +95,13 @@ class MeanRow:
         for k, own in enumerate(values):
             upper = own[own.imag > 0]
             upper = upper[np.argsort(upper.imag, kind="stable")]
-            real = np.sort(np.append(own[own.imag == 0].real, self.form.rigid_exponents / self.form.rate))[::-1][::2]
+            real = np.sort(np.append(own[own.imag == 0].real, self.rigid_exponents / self.rate))[::-1][::2]
             first = self.system.size - len(upper)
             frequency[k, first:], growth[k, first:] = upper.imag, upper.real
             # Of two real exponents the larger one tells the growth.
             growth[k, :first] = real[:first]
         growth[np.abs(growth) <= ROUNDING * np.abs(values).max(axis=1, initial=0.0)[:, None]] = 0.0
-        return frequency * self.form.rate, growth * self.form.rate
+        return frequency * self.rate, growth * self.rate
 
     def _parts(self, omega: Array) -> list[Array]:
         step = max(1, ENTRIES_AT_ONCE // max(1, self.form.size**2))
@@ -170,10 +170,8 @@ class MeanRow:
     def _motions(self, omega: Array) -> list[Pairing]:
         values, right = np.linalg.eig(self.matrices(omega))
         left = np.linalg.inv(right)
-        slope = np.broadcast_to(self.form.form.speed_slope(omega[:, None])[:, 0] if not self.held else 0.0, right.shape)
-        return [
-            Pairing.of(*own, self.form.rate, self.system.size) for own in zip(values, right, left, slope, strict=True)
-        ]
+        slope = np.broadcast_to(self.form.speed_slope(omega[:, None])[:, 0] if not self.held else 0.0, right.shape)
+        return [Pairing.of(*own, self.rate, self.system.size) for own in zip(values, right, left, slope, strict=True)]
 
     @staticmethod
     def _tongue(
@@ -198,7 +196,7 @@ class MeanRow:
     def _harmonics(self, force: ParametricExcitation) -> list[tuple[complex, Array]]:
         """(F_j, P_j in 1/time) of all that excites at a frequency."""
         system, row, number = self.system, np.array([self.row]), 0
-        matrices = self.form.form.parts[0] * self.form.rate
+        matrices = self.form.parts[0] * self.rate
         found: list[tuple[complex, Array]] = []
         for i, s in force.parts:
             mesh = system.meshes[i]

@@ -9,7 +9,7 @@ exactly those of (u, u'), although friction may drive r: the monodromy matrix is
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,49 +20,12 @@ from gearstab.waveforms.base import harmonic
 
 
 @dataclass(frozen=True)
-class ElasticForm:
-    """The first-order form of one row, but for rigid-body motion whose exponents are known beforehand.
-
-    damped: whether anything dissipates or feeds through velocities; gyroscopic terms alone do not.
-    rigid_exponents: ``(k,)``, 1/time, the known ones.
-    elastic: ``(e,)``, the modes of the mean system that the coordinates u belong to.
-    """
-
-    form: FirstOrder
-    damped: bool
-    rigid_exponents: Array
-    elastic: Array
-
-    @property
-    def size(self) -> int:
-        """m."""
-        return self.form.size
-
-    @property
-    def rate(self) -> float:
-        """The unit of 1/time."""
-        return float(self.form.rate[0])
-
-    def at_speed(self, speed: float) -> ElasticForm:
-        """Return the form at a speed, constant where it goes with the speed."""
-        return replace(self, form=self.form.at_speeds(np.zeros(1, dtype=int), np.array([speed])))
-
-    def generators(self, values: Array) -> Array:
-        """A ``(..., m, m)`` for the values ``(..., J)`` of what varies."""
-        return self.form.generator(values[..., None, :])[..., 0, :, :]
-
-    @property
-    def rigid_growth(self) -> float:
-        """1/time: the largest rate at which a rigid-body mode grows by itself; -inf where none does."""
-        largest = float(self.rigid_exponents.max(initial=-np.inf))
-        return largest if largest > 0 else -np.inf
-
-
-@dataclass(frozen=True)
 class ElasticRows:
-    """Rows whose :class:`ElasticForm` have equally many coordinates of each sort.
+    """Rows of equally many coordinates of each sort, but for rigid-body motion whose exponents are known beforehand.
 
-    form: of these rows; damped: ``(r,)`` bool; rigid_exponents: ``(r, k)``; elastic: ``(e,)``.
+    form: their first-order form. damped: ``(r,)`` bool, whether anything dissipates or feeds through velocities;
+    gyroscopic terms alone do not. rigid_exponents: ``(r, k)``, 1/time, the known ones. elastic: ``(e,)``, the modes of
+    the mean system that the coordinates u belong to.
     """
 
     form: FirstOrder
@@ -73,11 +36,6 @@ class ElasticRows:
     def subset(self, index: Array) -> ElasticRows:
         """Some of the rows, by position."""
         return ElasticRows(self.form.subset(index), self.damped[index], self.rigid_exponents[index], self.elastic)
-
-    def row(self, index: int) -> ElasticForm:
-        """Return one of the rows, by position."""
-        form = self.form.subset(np.array([index]))
-        return ElasticForm(form, bool(self.damped[index]), self.rigid_exponents[index], self.elastic)
 
 
 def elastic_rows(system: GearSystem) -> Iterator[ElasticRows]:
@@ -95,9 +53,9 @@ def elastic_rows(system: GearSystem) -> Iterator[ElasticRows]:
             yield _elastic_rows(part, members[index], key > 0, np.flatnonzero(sort[:-1]), bool(sort[-1]))
 
 
-def elastic_forms(system: GearSystem) -> list[ElasticForm]:
-    """Return the forms of all rows of the flattened batch."""
-    found = {int(r): own.row(k) for own in elastic_rows(system) for k, r in enumerate(own.form.rows)}
+def single_rows(system: GearSystem) -> list[ElasticRows]:
+    """Return all rows of the flattened batch, each by itself."""
+    found = {int(r): own.subset(np.array([k])) for own in elastic_rows(system) for k, r in enumerate(own.form.rows)}
     return [found[r] for r in range(system.rows)]
 
 

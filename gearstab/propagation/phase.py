@@ -22,6 +22,7 @@ from math import ceil
 import numpy as np
 
 from gearstab.ckernel import exponentials
+from gearstab.grouping import numbered
 from gearstab.interrupts import heed
 from gearstab.propagation import magnus
 from gearstab.propagation.equation import Equation
@@ -223,6 +224,6 @@ def divided(knots: Array, longest: float) -> tuple[Array, Array, Array]:
     Returns begin and duration of the steps ``(S,)``, and whether each is the last one before a knot.
     """
     pieces = np.maximum(1, np.ceil(np.diff(knots) / longest)).astype(int)
-    duration = np.repeat(np.diff(knots) / pieces, pieces)
-    number = np.arange(len(duration)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    return np.repeat(knots[:-1], pieces) + number * duration, duration, number == np.repeat(pieces, pieces) - 1
+    stretch, number = numbered(pieces)
+    duration = (np.diff(knots) / pieces)[stretch]
+    return knots[stretch] + number * duration, duration, number == pieces[stretch] - 1

@@ -15,7 +15,7 @@ from systems import KINDS, chain, damped_patterns, patterns, system, two_stage
 
 from gearstab import ckernel
 from gearstab.floquet import STATUS_FLAGS, solve
-from gearstab.floquet.kernel import c_kernel, decision
+from gearstab.floquet.kernel import c_kernel, decision, threads
 from gearstab.floquet.kernel.decision import DOUBTFUL, STABLE, UNSTABLE
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.mesh import Mesh
@@ -321,7 +321,7 @@ def test_critical_damping_goes_the_way_of_numpy(level):
 
 @pytest.mark.parametrize("n", [2, 3, 5])
 def test_threads_change_nothing(level, n, monkeypatch):
-    monkeypatch.setattr(ckernel, "WORTH_A_THREAD", 1.0)
+    monkeypatch.setattr(threads, "WORTH_A_THREAD", 1.0)
     ((pattern, omega), *_) = patterns(system(n, "one mesh", 11), POINTS)
     one = c_kernel.scan(pattern, omega, 1)
     for count in (2, 3, 8):

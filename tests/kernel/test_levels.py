@@ -14,12 +14,12 @@ import numpy_kernel
 import pytest
 
 from gearstab import ckernel
-from gearstab.ckernel import WORTH_A_THREAD, in_threads
 from gearstab.floquet.boundaries import names
 from gearstab.floquet.boundaries.counting import points
 from gearstab.floquet.kernel import factors as levels
 from gearstab.floquet.kernel.c_kernel import graded
 from gearstab.floquet.kernel.damped import Generators, factors, generators
+from gearstab.floquet.kernel.threads import WORTH_A_THREAD, in_threads
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.mesh import Mesh
 from gearstab.system import Array, GearSystem

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from gearstab import ckernel
-from gearstab.ckernel import in_threads, limited
+from gearstab.ckernel import limited
 from gearstab.floquet.boundaries import boundaries
+from gearstab.floquet.kernel.threads import in_threads
 from gearstab.interrupts import Stopped, TimeUp, heed
 from gearstab.mesh import Mesh
 from gearstab.system import GearSystem

@@ -13,7 +13,7 @@ from oracle import solve as reference
 from systems import KINDS, damped_patterns, patterns, system, two_stage
 
 from gearstab import ckernel
-from gearstab.floquet.kernel import c_kernel
+from gearstab.floquet.kernel import c_kernel, threads
 from gearstab.floquet.kernel.decision import DOUBTFUL, UNSTABLE
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import Array
@@ -93,7 +93,7 @@ def test_growth_in_high_precision(level: str) -> None:
 
 def test_a_row_alone_decides(level: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither other rows nor threads; a row in no order is propagated."""
-    monkeypatch.setattr(ckernel, "WORTH_A_THREAD", 1.0)
+    monkeypatch.setattr(threads, "WORTH_A_THREAD", 1.0)
     for pattern, omega in dense(3, "generic", 22):
         verdict, growth = c_kernel.scan(pattern, omega, 1)
         for row in range(len(omega)):

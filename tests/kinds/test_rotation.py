@@ -22,7 +22,7 @@ from gearstab.floquet import solve
 from gearstab.floquet.stability import STATUS_FLAGS
 from gearstab.mesh import Mesh, PeriodicTerm, Rotation
 from gearstab.methods import METHODS, OptionError
-from gearstab.propagation.elastic import elastic_forms, mean_levels
+from gearstab.propagation.elastic import mean_levels, single_rows
 from gearstab.propagation.path import Path
 from gearstab.response import driven_response, ramp_response, steady_state
 from gearstab.system import Feature, GearSystem
@@ -73,8 +73,8 @@ def rotor(rotation: dict[str, Any], mass: Any, stiffness: Any, damping: Any = No
         "rotation": {"speed": speed, **rotation},
     } | ({"damping": damping} if damping is not None else {})  # fmt: skip
     built = build(load({"system": system}).system)
-    ((form,), (level,)) = elastic_forms(built), mean_levels(built)
-    values = np.linalg.eigvals(form.generators(level)) * form.rate
+    ((own,), (level,)) = single_rows(built), mean_levels(built)
+    values = np.linalg.eigvals(own.form.generator(level[None], np.zeros(1))[0]) * own.form.rate
     return values[np.lexsort((values.real, values.imag))]
 
 

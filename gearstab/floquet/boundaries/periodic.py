@@ -36,7 +36,7 @@ from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
 from gearstab.floquet.smooth.steps import CF4_2, CF6_5, Scheme
 from gearstab.grouping import equal_rows
-from gearstab.propagation.elastic import ElasticForm, elastic_forms, free_rotations
+from gearstab.propagation.elastic import free_rotations, single_rows
 from gearstab.propagation.first_order import FirstOrder
 from gearstab.propagation.magnus import StepControl, remainder
 from gearstab.propagation.schedule import Schedule, distinct, schedule
@@ -56,19 +56,19 @@ class PeriodicPart:
     """Rows of a system that have equally many coordinates of each sort.
 
     part: their places and units; of its pattern only rows, rate, size and rigid-body modes mean anything.
-    rows: the first-order systems. plan: when what changes, of all rows of the system. varies: whether anything varies
+    form: the first-order systems. plan: when what changes, of all rows of the system. varies: whether anything varies
     within an interval. speeds: mesh frequencies over the range.
     """
 
     part: Part
-    rows: list[ElasticForm]
+    form: FirstOrder
     plan: Schedule
     varies: Array
     speeds: Array
 
     def subset(self, index: Array) -> PeriodicPart:
         """Some of the rows, by position."""
-        return replace(self, part=self.part.subset(index), rows=[self.rows[k] for k in index])
+        return replace(self, part=self.part.subset(index), form=self.form.subset(index))
 
     @property
     def hamiltonian(self) -> Array:
@@ -79,7 +79,7 @@ class PeriodicPart:
         """The same in parts that nothing couples, without coordinates that nothing couples with what varies, and that
         do not grow: on these exponents of a constant system depend no edge, no step of a scan and no proof.
         """
-        form, n = FirstOrder.joined([row.form for row in self.rows]), self.rows[0].form.elastic
+        form, n = self.form, self.form.elastic
         varying = form.parts if form.by_speed is None else np.concatenate([form.parts, form.by_speed], axis=1)
         touched = _entries(varying)
         number = connected_components(touched | _entries(form.constant[:, None]), directed=False)[1]
@@ -92,16 +92,15 @@ class PeriodicPart:
 
     def _only(self, kept: Array, n: int) -> PeriodicPart:
         """The same with some of the states ``(m,)``, the displacements of n coordinates first."""
-        rows = [replace(row, form=row.form.only(kept), elastic=row.elastic[kept[:n]]) for row in self.rows]
         own = self.part.pattern
         part = _part(own.rows, own.cycles, int(kept[:n].sum()), own.elastic.rate, own.elastic.rigid_exponents)
-        return replace(self, part=part, rows=rows)
+        return replace(self, part=part, form=self.form.only(kept))
 
     def canonical(self, scheme: Scheme, doublings: int) -> CanonicalPeriods:
         """Their common periods, of 2^doublings steps in each interval that is not constant."""
         fractions, values = self.steps(scheme, doublings)
         generator, states = self.generators(values)
-        return CanonicalPeriods(self.part.pattern.cycles, fractions, states, generator, self.rows[0].form.elastic)
+        return CanonicalPeriods(self.part.pattern.cycles, fractions, states, generator, self.form.elastic)
 
     def flow(self, scheme: Scheme, doublings: int, rounding: float = ROUNDING) -> Chain:
         """The chain of a common period, of 2^doublings steps in each interval that is not constant."""
@@ -115,8 +114,7 @@ class PeriodicPart:
     def generators(self, values: Array) -> tuple[Generators, Array]:
         """Generators of distinct states in units of the rates, and the state of each segment; values: ``(r, S, J)``."""
         states, first = distinct(values)
-        form = FirstOrder.joined([row.form for row in self.rows])
-        return Generators.of(form, values[:, first]), states
+        return Generators.of(self.form, values[:, first]), states
 
     def _linked(self, fractions: Array, values: Array, rounding: float) -> Chain:
         """values: ``(r, S, J)``, of all functions in each segment."""
@@ -134,7 +132,7 @@ class PeriodicPart:
         exponents = np.linalg.eigvals(mean)
         size = np.maximum(np.abs(exponents), np.finfo(float).tiny)
         lightest = (np.abs(exponents.real) / size).min(axis=2)
-        return replace(flow, following=generator, lightest=lightest, sound=np.ones(len(self.rows), dtype=bool))
+        return replace(flow, following=generator, lightest=lightest, sound=np.ones(len(fractions), dtype=bool))
 
     def growing(self, flow: Chain) -> Array:
         """``(r,)``: which coordinate the mean system lets grow by itself, -1 where none does."""
@@ -168,15 +166,16 @@ def weights(fractions: Array, states: Array) -> Array:
 
 def parts(system: GearSystem, limits: Limits) -> Iterator[PeriodicPart]:
     """All rows of a system, each once."""
-    plan, rows, cycles = schedule(system), elastic_forms(system), float(system.common_period()[0])
+    plan, rows, cycles = schedule(system), single_rows(system), float(system.common_period()[0])
     still = free_rotations(system).sum(axis=1)
-    sizes = np.stack([still, [row.size for row in rows]], axis=1)
+    sizes = np.stack([still, [row.form.size for row in rows]], axis=1)
     varies, speeds = varying(plan), np.geomspace(limits.start, limits.stop, smooth.PILOTS)
     for members, (rigid, _) in equal_rows(sizes):
         own = [rows[k] for k in members]
-        rate, exponents = np.array([g.rate for g in own]), np.stack([g.rigid_exponents for g in own])
-        part = _part(members, cycles, system.size - int(rigid), rate, exponents)
-        yield PeriodicPart(part, own, plan, varies, speeds)
+        form = FirstOrder.joined([row.form for row in own])
+        exponents = np.concatenate([row.rigid_exponents for row in own])
+        part = _part(members, cycles, system.size - int(rigid), form.rate, exponents)
+        yield PeriodicPart(part, form, plan, varies, speeds)
 
 
 def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, Chain, Chain, SearchResult]]:

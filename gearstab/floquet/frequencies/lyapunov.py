@@ -218,5 +218,4 @@ def average(times: Array, logs: Array, begin: Array, end: Array, shape: Callable
     s = (0.5 * (times[1:] + times[:-1]) - begin) / (end - begin)
     inside = (s > 0) & (s < 1)
     weight = np.where(inside, shape(np.where(inside, s, 0.5)), 0.0)
-    result: Array = (weight * np.diff(logs, axis=0)).sum(axis=0) / (weight * np.diff(times, axis=0)).sum(axis=0)
-    return result
+    return np.asarray((weight * np.diff(logs, axis=0)).sum(axis=0) / (weight * np.diff(times, axis=0)).sum(axis=0))

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -31,24 +30,8 @@ ADMIXTURE = 0.01
 """Part of random vectors in the start."""
 
 
-class Carrier(Protocol):
-    """Vectors in the coordinates of one state after another."""
-
-    def step(self, segment: int) -> Array:
-        """Through a segment, into the coordinates of the next; the logarithm ``(P,)`` of what was taken out."""
-        ...
-
-    def state(self, segment: int) -> Array:
-        """``(m, k, P)``, (u, u', ...) in the elastic coordinates, given the segment whose coordinates are in use."""
-        ...
-
-    def set(self, vectors: Array, segment: int) -> None:
-        """Go on with other vectors ``(m, k, P)``, as :meth:`state` gives them."""
-        ...
-
-
 class Conservative:
-    """Rotations in the modes of each state."""
+    """Vectors in the coordinates of one state after another: rotations in the modes of each."""
 
     def __init__(self, pattern: Pattern, omega: Array, start: Array) -> None:
         self._pattern, self._inverse = pattern, pattern.cycles / omega
@@ -57,6 +40,7 @@ class Conservative:
         self._x = np.repeat((modes.T @ start.reshape(2, n, -1))[..., None], len(omega), axis=-1)
 
     def step(self, segment: int) -> Array:
+        """Go through a segment, into the coordinates of the next; the logarithm ``(P,)`` of what was taken out."""
         pattern, x = self._pattern, self._x
         squared = pattern.squared_frequency[0, pattern.states[segment]]
         terms, growth = rotation(squared, pattern.fractions[0, segment], self._inverse)
@@ -70,17 +54,19 @@ class Conservative:
         return growth
 
     def state(self, segment: int) -> Array:
+        """``(m, k, P)``, (u, u', ...) in the elastic coordinates, given the segment whose coordinates are in use."""
         modes = self._pattern.modes[0, self._pattern.states[segment]]
         x = self._x
         return np.matmul(modes, x.reshape(*x.shape[:2], -1)).reshape(-1, *x.shape[2:])
 
     def set(self, vectors: Array, segment: int) -> None:
+        """Go on with other vectors ``(m, k, P)``, as :meth:`state` gives them."""
         modes, shape = self._pattern.modes[0, self._pattern.states[segment]], self._x.shape
         self._x = np.matmul(modes.T, vectors.reshape(*shape[:2], -1)).reshape(shape)
 
 
 class Damped:
-    """Damped rotations in the real modal coordinates of each state."""
+    """The same of a damped system: damped rotations in the real modal coordinates of each state."""
 
     def __init__(self, pattern: Pattern, omega: Array, start: Array) -> None:
         self._pattern = pattern
@@ -121,11 +107,6 @@ class Damped:
         self._z = vectors if inverse is None else np.tensordot(inverse, vectors, axes=1)
 
 
-def carrier(pattern: Pattern, omega: Array, start: Array) -> Carrier:
-    """Vectors ``(m, k)`` at the beginning of a pattern of one row, at mesh frequencies ``(P,)`` in its units."""
-    return (Conservative if pattern.elastic.conservative else Damped)(pattern, omega, start)
-
-
 def weights(pattern: Pattern) -> Array:
     """``(m,)``, W: |W x| is the square root of twice the energy of x in the springs of the mean state, about."""
     stiffness = np.abs(np.einsum("dii->di", pattern.stiffness[0])).mean(axis=0)
@@ -164,7 +145,7 @@ def growths(pattern: Pattern, omega: Array, records: int, seed: int) -> tuple[Ar
     """
     w = weights(pattern)[:, None, None]
     start = frame(pattern, seed)
-    moving = carrier(pattern, omega, start)
+    moving = (Conservative if pattern.elastic.conservative else Damped)(pattern, omega, start)
     count = len(pattern.states)
     ends = np.unique(np.linspace(0, count, min(records, count) + 1).astype(int))[1:]
     times = np.concatenate([[0.0], np.cumsum(pattern.fractions[0])[ends - 1]])

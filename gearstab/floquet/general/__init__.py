@@ -24,7 +24,7 @@ from gearstab.floquet.general.exact import ExactRows, PeriodGrowth, alike_rows, 
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES, Succession
 from gearstab.floquet.smooth.control import rectangles
 from gearstab.floquet.smooth.steps import CF6_5, Scheme, exponentials, in_steps
-from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, empty, settled
+from gearstab.floquet.stability import DAMPED_ON_CIRCLE, STATUS_FLAGS, FloquetStability, decided, empty, settled
 from gearstab.interrupts import heed
 from gearstab.propagation.elastic import ElasticRows
 from gearstab.propagation.magnus import StepControl, remainder
@@ -34,8 +34,6 @@ from gearstab.system import Array, GearSystem
 ON_CIRCLE = 1e-7
 """Growth a period below which a system without damping counts as stable: a double multiplier on the unit circle is
 known to the square root of the rounding error. Of a Hamiltonian one Krein signs decide."""
-DAMPED_ON_CIRCLE = 1e-10
-"""The same for a damped system, whose multipliers lie inside."""
 POINTS_AT_ONCE = 2**14
 """Points that are decided together: what is known of so many stays in the processor's cache."""
 FINEST = 14

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.dispatch import in_modes
-from gearstab.propagation.elastic import ElasticForm, elastic_forms, mean_levels
+from gearstab.propagation.elastic import ElasticRows, mean_levels, single_rows
 from gearstab.system import Array, GearSystem
 
 SURE = 0.8
@@ -74,14 +74,15 @@ class _Motions:
     real: Array
 
     @classmethod
-    def at(cls, form: ElasticForm, level: Array, speed: float) -> _Motions:
-        own = form.at_speed(speed)
-        values, right = np.linalg.eig(own.generators(level))
+    def at(cls, own: ElasticRows, level: Array, speed: float) -> _Motions:
+        """Return those of a single row, in which all that varies has its mean ``level`` (J,)."""
+        rate = float(own.form.rate[0])
+        values, right = np.linalg.eig(own.form.generator(level[None], np.array([speed]))[0])
         left = np.linalg.inv(right)
         swinging = np.flatnonzero(values.imag > 0)
         swinging = swinging[np.lexsort((-values[swinging].real, values[swinging].imag))]
-        real = np.sort(np.append(form.rate * values[values.imag == 0].real, own.rigid_exponents))[::-1]
-        return cls(form.rate * values[swinging], right[:, swinging], left[swinging], real)
+        real = np.sort(np.append(rate * values[values.imag == 0].real, own.rigid_exponents[0]))[::-1]
+        return cls(rate * values[swinging], right[:, swinging], left[swinging], real)
 
     def aligned(self, other: _Motions) -> _Motions:
         """Return the same with vectors of equal exponents, which are free, as near to the other's as they can be."""
@@ -109,10 +110,10 @@ class _Follower:
     """Follows the motions of a single system from speed to speed."""
 
     def __init__(self, system: GearSystem) -> None:
-        (self.form,), (self.level,) = elastic_forms(system), mean_levels(system)
+        (self.row,), (self.level,) = single_rows(system), mean_levels(system)
 
     def at(self, speed: float) -> _Motions:
-        return _Motions.at(self.form, self.level, speed)
+        return _Motions.at(self.row, self.level, speed)
 
     def partners(self, first: _Motions, second: _Motions, low: float, high: float, halvings: int = HALVINGS) -> Array:
         """``(k,)``: which motion of the second speed is that of the first, -1 where it no longer oscillates."""
@@ -143,8 +144,7 @@ def whirl_motions(system: GearSystem, mesh_frequency: Array) -> WhirlMotions:
         exponents[k, swings] = own.exponents[slot[swings]]
         # Of two real exponents the larger one tells the growth.
         exponents[k, ~swings] = own.real[::2][: n - int(swings.sum())]
-        form = follower.form.at_speed(float(mesh_frequency[k])).form
-        shapes = (form.speed[0] @ own.right) / own.exponents
+        shapes = (follower.row.form.speed[0] @ own.right) / own.exponents
         whirl[k, swings] = sense.whirl(shapes.T)[slot[swings]]
     growth = exponents.real.copy()
     growth[np.abs(growth) <= ROUNDING * np.abs(exponents).max(axis=1, initial=0.0)[:, None]] = 0.0
@@ -252,8 +252,8 @@ def mean_motions(system: GearSystem, mesh_frequency: Array | float = 0.0) -> Mea
     mesh_frequency: ``()`` or ``(rows,)``, which speeds of rotation follow; they are at rest at 0.
     """
     speed = np.broadcast_to(np.asarray(mesh_frequency, dtype=float), (system.rows,))
-    forms = [own.at_speed(omega) for own, omega in zip(elastic_forms(system), speed, strict=True)]
-    rows = [_row(own, level, system.size) for own, level in zip(forms, mean_levels(system), strict=True)]
+    given = zip(single_rows(system), mean_levels(system), speed, strict=True)
+    rows = [_row(own, level, omega, system.size) for own, level, omega in given]
     frequency, growth, mode = (np.stack(values) for values in zip(*rows, strict=True))
     return MeanMotions(frequency, growth, mode)
 
@@ -265,18 +265,19 @@ def frequencies_beyond_modes(system: GearSystem) -> Array | None:
     return None if in_modes(system) else mean_motions(system).frequency_by_mode
 
 
-def _row(own: ElasticForm, level: Array, size: int) -> tuple[Array, Array, Array]:
+def _row(own: ElasticRows, level: Array, speed: float, size: int) -> tuple[Array, Array, Array]:
     """(frequency, growth rate, mode) of one row's pairs of exponents: conjugate ones, or two real ones, the largest
     ones first.
     """
     from scipy.optimize import linear_sum_assignment  # takes as long to load as a small sweep to run
 
-    values, vectors = np.linalg.eig(own.generators(level))
+    rate = float(own.form.rate[0])
+    values, vectors = np.linalg.eig(own.form.generator(level[None], np.array([speed]))[0])
     swinging = values.imag > 0
-    exponents = np.concatenate([own.rate * values, own.rigid_exponents])
+    exponents = np.concatenate([rate * values, own.rigid_exponents[0]])
     real = np.sort(exponents[exponents.imag == 0].real)[::-1][::2]
-    frequency = np.concatenate([np.zeros(len(real)), own.rate * values[swinging].imag])
-    growth = np.concatenate([real, own.rate * values[swinging].real])
+    frequency = np.concatenate([np.zeros(len(real)), rate * values[swinging].imag])
+    growth = np.concatenate([real, rate * values[swinging].real])
     shares = np.zeros((size, size))
     along = np.abs(vectors[: len(own.elastic), swinging].T) ** 2
     shares[len(real) :, own.elastic] = along / along.sum(axis=1, keepdims=True)

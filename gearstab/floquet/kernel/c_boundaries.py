@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.ckernel import in_threads
 from gearstab.floquet.kernel.c_kernel import contiguous, cost, pattern_arguments, portions
+from gearstab.floquet.kernel.threads import in_threads
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 

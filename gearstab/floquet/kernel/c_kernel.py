@@ -14,16 +14,17 @@ polynomials in E, F, G:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.ckernel import in_threads
 from gearstab.floquet.kernel import decision
 from gearstab.floquet.kernel import factors as left
 from gearstab.floquet.kernel.damped import Generators
+from gearstab.floquet.kernel.threads import in_threads
 from gearstab.floquet.segments.pattern import Pattern, Succession
 from gearstab.system import Array
 
@@ -59,19 +60,17 @@ def rates(
     pattern: Pattern, mesh_frequency: Array, place: Array, stable: Array, growth: Array, limit: int | None = None
 ) -> tuple[Array, Array]:
     """Flags and growth rates of every point, put in their places in a result (rows, points)."""
-    omega, elastic, where = contiguous(mesh_frequency), pattern.elastic, whole_numbers(place)
+    omega, where = contiguous(mesh_frequency), whole_numbers(place)
+    rate, shift = contiguous(pattern.elastic.rate), contiguous(pattern.elastic.shift)
     points, every = omega.shape[-1], len(stable)
     found: dict[int, Array] = {}
-    for rows in portions(len(where), len(pattern.states), pattern.size):
-        given = pattern_arguments(pattern, rows)
-        of_rows = (contiguous(elastic.rate[rows]), contiguous(elastic.shift[rows]), where[rows])
-        own = (omega if omega.ndim == 1 else omega[rows], *of_rows, stable.T, growth.T)
 
-        def part(first: int, last: int, all_of: tuple[Any, ...] = (given, own), base: int = rows.start) -> None:
-            raw = ckernel.library.rates(ckernel.simd(), *all_of[0], first, last, points, every, *all_of[1])
-            found[base + first] = np.frombuffer(raw, dtype=np.int64).reshape(-1, 2) + np.array([base, 0])
+    def part(given: tuple[Any, ...], rows: slice, first: int, last: int) -> None:
+        own = (omega if omega.ndim == 1 else omega[rows], rate[rows], shift[rows], where[rows], stable.T, growth.T)
+        raw = ckernel.library.rates(ckernel.simd(), *given, first, last, points, every, *own)
+        found[rows.start + first] = np.frombuffer(raw, dtype=np.int64).reshape(-1, 2) + np.array([rows.start, 0])
 
-        in_threads(part, rows.stop - rows.start, points * cost(pattern), limit)
+    _in_portions(part, pattern, points, limit)
     row, point = np.concatenate([found[first] for first in sorted(found)]).T
     return row, point
 
@@ -94,17 +93,23 @@ def _scan(
 ) -> tuple[Array, Array]:
     asked = contiguous(omega)
     verdict, growth = np.empty(asked.shape, dtype=np.int8), np.empty(asked.shape)
-    for rows in portions(len(asked), len(pattern.states), pattern.size):
-        arguments = pattern_arguments(pattern, rows)
-        own = [asked.shape[1], asked[rows], verdict[rows], growth[rows], rho[rows]]
-        if magnified is not None:
-            own.append(magnified[rows])
+    results: list[Array] = [verdict, growth, rho, *([] if magnified is None else [magnified])]
 
-        def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
-            ckernel.library.scan(ckernel.simd(), *given[0], first, last, *given[1])
+    def part(given: tuple[Any, ...], rows: slice, first: int, last: int) -> None:
+        own = (asked.shape[1], asked[rows], *(result[rows] for result in results))
+        ckernel.library.scan(ckernel.simd(), *given, first, last, *own)
 
-        in_threads(part, rows.stop - rows.start, asked.shape[1] * cost(pattern), limit)
+    _in_portions(part, pattern, asked.shape[1], limit)
     return verdict, growth
+
+
+def _in_portions(
+    part: Callable[[tuple[Any, ...], slice, int, int], None], pattern: Pattern, points: int, limit: int | None
+) -> None:
+    """Call part(arguments of the C functions for some rows, these rows, first, last) on pieces of these, in threads."""
+    for rows in portions(len(pattern.rows), len(pattern.states), pattern.size):
+        call = partial(part, pattern_arguments(pattern, rows), rows)
+        in_threads(call, rows.stop - rows.start, points * cost(pattern), limit)
 
 
 def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, Array]:
@@ -131,14 +136,13 @@ def traces(pattern: Pattern, omega: Array, bound: float = np.inf, limit: int | N
     """
     asked = contiguous(omega)
     rho = np.empty((*asked.shape, pattern.size), dtype=complex)
-    for rows in portions(len(asked), len(pattern.states), pattern.size):
-        arguments = pattern_arguments(pattern, rows)
-        own = (asked.shape[1], float(bound), asked[rows], rho[rows])
 
-        def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
-            ckernel.library.traces(ckernel.simd(), *given[0], first, last, *given[1])
+    def part(given: tuple[Any, ...], rows: slice, first: int, last: int) -> None:
+        ckernel.library.traces(
+            ckernel.simd(), *given, first, last, asked.shape[1], float(bound), asked[rows], rho[rows]
+        )
 
-        in_threads(part, rows.stop - rows.start, asked.shape[1] * cost(pattern), limit)
+    _in_portions(part, pattern, asked.shape[1], limit)
     return rho
 
 

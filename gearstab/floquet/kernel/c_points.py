@@ -53,10 +53,10 @@ from typing import Any
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.ckernel import in_threads
 from gearstab.floquet.kernel.c_kernel import LANES, contiguous, damped_arguments, whole_numbers
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.kernel.damped import Generators, real_modes
+from gearstab.floquet.kernel.threads import in_threads
 from gearstab.system import Array
 
 LARGEST = 0.5

@@ -8,7 +8,6 @@ nearly singular (critical damping) the exponential is formed by scaling and squa
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -192,23 +191,14 @@ def factors(
     With a finite ``spread`` segments are subdivided until their growth and decay differ by at most exp(spread).
     Returns: the factors, ``(P, m, m)`` each and of size one, and the logarithm ``(P,)`` of what was taken out of all.
     """
+    values, durations = generator.eigen[0][row], pattern.durations(row, omega)
     result, scale = [], np.zeros(len(omega))
-    for factor, pieces, growth in _chain(generator, pattern, row, omega, spread):
-        result += [factor] * pieces
-        scale += growth
-    return result, scale
-
-
-def _chain(
-    generator: Generators, pattern: Succession, row: int, omega: Array, spread: float
-) -> Iterator[tuple[Array, int, Array]]:
-    """Segment by segment: the factor of a piece, how many pieces the segment has, the growth taken out of them all."""
-    values = generator.eigen[0][row]
-    durations = pattern.durations(row, omega)
     for s, state in enumerate(pattern.states):
         real = values[state].real
         pieces = max(1, int(np.ceil((real.max() - real.min()) * durations[s].max(initial=0.0) / spread)))
-        yield exponential(generator, row, int(state), durations[s] / pieces), pieces, real.max() * durations[s]
+        result += [exponential(generator, row, int(state), durations[s] / pieces)] * pieces
+        scale += real.max() * durations[s]
+    return result, scale
 
 
 def exponential(generator: Generators, row: int, state: int, duration: Array) -> Array:

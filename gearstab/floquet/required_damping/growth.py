@@ -6,7 +6,6 @@ whole: A(z) is affine in z, A(z) = A(1) + (z - 1) [A(2) - A(1)], so that what a 
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -42,35 +41,94 @@ PARALLEL = 1e-12
 """Part of the size of a term u v^T by which u and v may differ in direction through rounding."""
 
 
-class GrowthByDamping(ABC):
-    """Growth a period of rows, as a function of the factor z on a damping C1; positive where unstable.
+@dataclass(frozen=True)
+class BlockGrowth:
+    """Growth a period of a block of rows in modes of the mean system, over the factor z on a damping C1; positive where
+    unstable.
 
-    rows: ``(r,)``, positions in the flattened batch. omega: ``(r, P)``, their mesh frequencies in units of the rates.
+    block: with the damping C1. mesh_frequency: in 1/time.
     """
 
-    @property
-    @abstractmethod
-    def rows(self) -> Array: ...
+    block: Block
+    mesh_frequency: Array
+
+    at_once = POINTS_AT_ONCE
+    """Number of single points that are treated together."""
 
     @property
-    @abstractmethod
-    def omega(self) -> Array: ...
+    def rows(self) -> Array:
+        """``(r,)``, positions in the flattened batch."""
+        return self.block.pattern.rows
+
+    @cached_property
+    def omega(self) -> Array:
+        """``(r, P)``, mesh frequencies in units of the rates."""
+        return np.asarray(self.mesh_frequency / self.block.pattern.elastic.rate[:, None])
+
+    def at_level(self, level: float) -> Array:
+        """Return the growth ``(r, P)`` of all points at one factor, which may be 0."""
+        pattern = self.block.pattern
+        still = level == 0
+        own = pattern.without_damping() if still else scaled(pattern, np.full(len(pattern.rows), level))
+        if not still and not self.block.constant:
+            growth = growth_of(own, self.omega)
+        else:
+            part = OperatingPoints(own, self.mesh_frequency)
+            found = solved(part, replace(self.block, pattern=own), False)
+            growth = found.growth_rate * part.period / pattern.elastic.rate[:, None]
+        return growth if still else np.maximum(growth, level * pattern.elastic.rigid_growth[:, None])
+
+    def at_points(self, row: Array, omega: Array, factor: Array) -> Array:
+        """Return the growth ``(N,)`` of single points, each with its own factor above 0."""
+        return growth_of(scaled(self.block.pattern.subset(row), factor), omega[:, None])[:, 0]
+
+
+@dataclass(frozen=True)
+class WholeGrowth:
+    """The same of rows as a whole.
+
+    one: at the factor 1. slope: of the matrices of its states by the factor. undamped: the growth at 0.
+    """
+
+    one: ExactRows
+    slope: Array
+    mesh_frequency: Array
+    undamped: Array
+
+    @property
+    def rows(self) -> Array:
+        return self.one.own.form.rows
+
+    @property
+    def omega(self) -> Array:
+        return np.asarray(self.mesh_frequency / self.one.rate)
 
     @property
     def at_once(self) -> int:
-        """Number of single points that are treated together."""
-        return POINTS_AT_ONCE
+        return max(1, min(POINTS_AT_ONCE, ENTRIES_AT_ONCE // max(1, self.slope[0].size)))
 
-    @abstractmethod
     def at_level(self, level: float) -> Array:
-        """Return the growth ``(r, P)`` of all points at one factor, which may be 0."""
+        if level == 0:
+            return self.undamped
+        every = np.arange(len(self.rows))
+        return self._growth(every, self.omega, np.full(len(every), level))
 
-    @abstractmethod
     def at_points(self, row: Array, omega: Array, factor: Array) -> Array:
-        """Return the growth ``(N,)`` of single points, each with its own factor above 0."""
+        return self._growth(row, omega[:, None], factor)[:, 0]
+
+    def _growth(self, row: Array, omega: Array, factor: Array) -> Array:
+        """``(K, P)`` of rows ``(K,)`` at mesh frequencies ``(K, P)`` in their units."""
+        own = self.one.generator.subset(row)
+        own = replace(own, matrix=own.matrix + (factor - 1)[:, None, None, None] * self.slope[row])
+        growth: Array = kernel.scan_damped(self.one.segments.subset(row), own, omega)[0]
+        known = self.one.own.rigid_exponents[row].max(axis=1, initial=-np.inf)
+        by_itself = np.where(known > 0, known, -np.inf) / self.one.own.form.rate[row]
+        period = 2 * np.pi * self.one.segments.cycles / omega
+        return np.maximum(growth, by_itself[:, None] * period) - DAMPED_ON_CIRCLE
 
 
-Growth = TypeVar("Growth", bound=GrowthByDamping)
+GrowthByDamping = BlockGrowth | WholeGrowth
+Growth = TypeVar("Growth", BlockGrowth, WholeGrowth)
 
 
 def growths(system: GearSystem, of: str, omega: Array, level: float) -> Iterator[GrowthByDamping]:
@@ -127,37 +185,6 @@ def unit_damping(system: GearSystem) -> Array:
     return modal_damping_matrix(system.mass, system.mean_stiffness_matrix(), np.ones((*system.batch, 1)))
 
 
-@dataclass(frozen=True)
-class BlockGrowth(GrowthByDamping):
-    """A block of rows in modes of the mean system, with the damping C1, and its mesh frequencies in 1/time."""
-
-    block: Block
-    mesh_frequency: Array
-
-    @property
-    def rows(self) -> Array:
-        return self.block.pattern.rows
-
-    @cached_property
-    def omega(self) -> Array:
-        return np.asarray(self.mesh_frequency / self.block.pattern.elastic.rate[:, None])
-
-    def at_level(self, level: float) -> Array:
-        pattern = self.block.pattern
-        still = level == 0
-        own = pattern.without_damping() if still else scaled(pattern, np.full(len(pattern.rows), level))
-        if not still and not self.block.constant:
-            growth = growth_of(own, self.omega)
-        else:
-            part = OperatingPoints(own, self.mesh_frequency)
-            found = solved(part, replace(self.block, pattern=own), False)
-            growth = found.growth_rate * part.period / pattern.elastic.rate[:, None]
-        return growth if still else np.maximum(growth, level * pattern.elastic.rigid_growth[:, None])
-
-    def at_points(self, row: Array, omega: Array, factor: Array) -> Array:
-        return growth_of(scaled(self.block.pattern.subset(row), factor), omega[:, None])[:, 0]
-
-
 def scaled(pattern: Pattern, factor: Array) -> Pattern:
     """The pattern with its damping times ``(r,)``, uniform damping as a matrix like any other."""
     pattern, times = pattern.unshifted(), factor[:, None, None]
@@ -171,47 +198,6 @@ def growth_of(pattern: Pattern, omega: Array) -> Array:
     generator = damped.generators(pattern)
     growth: Array = kernel.scan_damped(pattern, generator, omega)[0]
     return growth - DAMPED_ON_CIRCLE
-
-
-@dataclass(frozen=True)
-class WholeGrowth(GrowthByDamping):
-    """Rows as a whole. one: at the factor 1; slope: of the matrices of its states by the factor; undamped: at 0."""
-
-    one: ExactRows
-    slope: Array
-    mesh_frequency: Array
-    undamped: Array
-
-    @property
-    def rows(self) -> Array:
-        return self.one.own.form.rows
-
-    @property
-    def omega(self) -> Array:
-        return np.asarray(self.mesh_frequency / self.one.rate)
-
-    @property
-    def at_once(self) -> int:
-        return max(1, min(POINTS_AT_ONCE, ENTRIES_AT_ONCE // max(1, self.slope[0].size)))
-
-    def at_level(self, level: float) -> Array:
-        if level == 0:
-            return self.undamped
-        every = np.arange(len(self.rows))
-        return self._growth(every, self.omega, np.full(len(every), level))
-
-    def at_points(self, row: Array, omega: Array, factor: Array) -> Array:
-        return self._growth(row, omega[:, None], factor)[:, 0]
-
-    def _growth(self, row: Array, omega: Array, factor: Array) -> Array:
-        """``(K, P)`` of rows ``(K,)`` at mesh frequencies ``(K, P)`` in their units."""
-        own = self.one.generator.subset(row)
-        own = replace(own, matrix=own.matrix + (factor - 1)[:, None, None, None] * self.slope[row])
-        growth: Array = kernel.scan_damped(self.one.segments.subset(row), own, omega)[0]
-        known = self.one.own.rigid_exponents[row].max(axis=1, initial=-np.inf)
-        by_itself = np.where(known > 0, known, -np.inf) / self.one.own.form.rate[row]
-        period = 2 * np.pi * self.one.segments.cycles / omega
-        return np.maximum(growth, by_itself[:, None] * period) - DAMPED_ON_CIRCLE
 
 
 def _wholes(system: GearSystem, of: str, omega: Array, level: float) -> Iterator[WholeGrowth]:

@@ -23,14 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.segments.decouple import (
-    SURE,
-    adapted,
-    close,
-    cluster_start,
-    components,
-    tolerance,
-)
+from gearstab.floquet.segments.decouple import SURE, adapted, close, cluster_start, components, tolerance
 from gearstab.floquet.segments.pattern import Pattern, merged
 from gearstab.floquet.segments.reduction import Elastic
 from gearstab.grouping import equal_rows

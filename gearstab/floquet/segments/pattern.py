@@ -230,21 +230,14 @@ def _patterns(
 
 def _segments_of_rows(system: GearSystem, counts: tuple[int, ...], levels: _Levels) -> tuple[Array, Array]:
     """Jumps ``(rows, S)`` in [0, 1), ascending, and the levels of all meshes after each, as bits ``(rows, S)``."""
-    edges = [np.zeros((system.rows, 1))] if not system.meshes else []
-    for mesh, n in zip(system.meshes, counts, strict=True):
-        points = _jumps(system, mesh)
-        edges.append(((points[:, :, None] + np.arange(n)) / n).reshape(system.rows, -1))
+    functions = Functions(sources(system, counts), system.batch)
+    edges = [functions.jumps(k) for k in range(len(system.meshes))] or [np.zeros((system.rows, 1))]
     found = np.concatenate(edges, axis=1)
     found = np.sort(found - np.floor(found), axis=1)
     found = np.where(found >= 1.0, 0.0, found)
     found.sort(axis=1)
     middle = found + 0.5 * np.diff(found, axis=1, append=found[:, :1] + 1)
     return found, _bits(system, levels, counts, middle)
-
-
-def _jumps(system: GearSystem, mesh: Mesh) -> Array:
-    """``(rows, B)``, where the wave jumps, in periods of the mesh."""
-    return system.flat(mesh.waveform.breakpoints(), 1) + system.flat(mesh.lag)[:, None]
 
 
 def _level_at(system: GearSystem, mesh: Mesh, phase: Array) -> Array:

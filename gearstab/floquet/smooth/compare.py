@@ -122,17 +122,10 @@ def _difference_conservative(fine: KernelAnswer, coarse: KernelAnswer) -> tuple[
     close = change < VISIBLE * fine.rounding
     noise = fine.rounding.copy()
     if close.any():
-        noise[close] = _noise(fine.values[close], fine.rounding[close], largest[close])
+        # More where two multipliers nearly coincide; those that do not act on each other do not show it.
+        least = fine.rounding[close] * largest[close]
+        noise[close] = np.maximum(kernel.trace_condition(fine.values[close], least)[0], least) / largest[close]
     return change, noise
-
-
-def _noise(rho: Array, rounding: Array, largest: Array) -> Array:
-    """Errors of the multipliers due to rounding of the matrix ``(P,)``: more where two of them nearly coincide.
-
-    rho ``(P, n)``. Multipliers that coincide without acting on each other do not show it.
-    """
-    least = rounding * largest
-    return np.asarray(np.maximum(kernel.trace_condition(rho, least)[0], least) / largest)
 
 
 def colliding(rho: Array, error: Array) -> Array:

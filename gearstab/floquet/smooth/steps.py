@@ -157,10 +157,6 @@ class Division:
         """Some of the rows, by position."""
         return replace(self, elastic=self.elastic.subset(index), start=self.start[index], length=self.length[index])
 
-    def without_damping(self) -> Division:
-        """The same rows and coordinates without any damping."""
-        return replace(self, elastic=self.elastic.without_damping())
-
     def counts(self, resolution: int) -> Array:
         """``(Q,)``: steps of each piece. Two resolutions further on there are twice as many."""
         steps = self.base * (HALFWAY if resolution % 2 else 1.0) * self.density

@@ -77,8 +77,7 @@ def pursue_beside(scan: Scan, row: Array, edge: Array, cell: Array, floor: float
     fast as a square root, so that what they meet next is expected only from samples in a geometric sequence.
     """
     steps = np.ceil(np.log(np.maximum(cell[row] / (floor * edge), 1.0)) / np.log(SEQUENCE)).astype(int)
-    owner = np.repeat(np.arange(len(row)), steps)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(steps) - steps, steps)
+    owner, number = numbered(steps)
     distance = cell[row[owner]] * SEQUENCE ** -(number + 1.0)
     row, away = np.tile(row[owner], 2), np.tile(distance, 2)
     cycle = np.tile(edge[owner], 2) + np.concatenate([distance, -distance])

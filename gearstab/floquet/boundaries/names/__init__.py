@@ -47,11 +47,15 @@ UNDEFLECTED = 1e-9
 
 @dataclass(frozen=True, order=True)
 class Root:
-    """Where a tongue is rooted: modes p <= q of the elastic coordinates, from 0, and M = nu N/Omega."""
+    """Where a tongue is rooted: modes p <= q, counted from 0, M = nu N/Omega, and whether their difference is meant.
+
+    Of a motion that grows by itself p = q, and there are no cycles.
+    """
 
     p: int
     q: int
     cycles: int
+    difference: bool = False
 
 
 Shares = dict[Root, float]

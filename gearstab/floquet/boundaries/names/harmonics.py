@@ -8,8 +8,6 @@ does not vanish, but positive and negative actions still have their leading part
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from gearstab.floquet.boundaries.damped.scan import halves
@@ -36,18 +34,8 @@ LONGEST = 2**18
 """Samples of a period, at most: what is faster is left out."""
 
 
-@dataclass(frozen=True)
-class Seen:
-    """The shares of the roots at some places in an interval, the middle first."""
-
-    places: list[Shares]
-
-    @property
-    def plain(self) -> Root | None:
-        """The root that leads everywhere, with more than half of the action in the middle; None where there is none."""
-        leading = {max(there, key=there.__getitem__, default=None) for there in self.places}
-        root = leading.pop() if len(leading) == 1 else None
-        return root if root is not None and self.places[0][root] > CLEAR else None
+Seen = list[Shares]
+"""The shares of the roots at some places in an interval, the middle first."""
 
 
 def seen(chain: Chain, intervals: Intervals, peaks: list[Array]) -> list[Seen]:
@@ -63,15 +51,22 @@ def seen(chain: Chain, intervals: Intervals, peaks: list[Array]) -> list[Seen]:
     found: list[Shares] = [{} for _ in owner]
     for position, there in zip(order, shares(chain, row[order], np.array(cycle)[order]) if owner else [], strict=True):
         found[position] = there
-    result: list[Seen] = [Seen([]) for _ in intervals]
+    result: list[Seen] = [[] for _ in intervals]
     for k, there in zip(owner, found, strict=True):
-        result[k].places.append(there)
+        result[k].append(there)
     return result
+
+
+def _plain(places: Seen) -> Root | None:
+    """The root that leads everywhere, with more than half of the action in the middle; None where there is none."""
+    leading = {max(there, key=there.__getitem__, default=None) for there in places}
+    root = leading.pop() if len(leading) == 1 else None
+    return root if root is not None and places[0][root] > CLEAR else None
 
 
 def plain(intervals: Intervals, found: list[Seen]) -> list[Root | None]:
     """The roots of the intervals of those rows in which every interval has a plain one, and each another one."""
-    roots = [own.plain for own in found]
+    roots = [_plain(own) for own in found]
     result: list[Root | None] = [None] * len(intervals)
     for mine in by_row(intervals.row, int(intervals.row.max(initial=-1)) + 1):
         own = [roots[k] for k in mine]
@@ -91,7 +86,7 @@ def named(chain: Chain, intervals: Intervals, found: list[Seen], allowed: list[s
     best: list[Shares] = [{} for _ in intervals]
     present: list[set[Root]] = [set() for _ in intervals]
     for k, own in enumerate(found):
-        for there in own.places:
+        for there in own:
             chosen = {root: share for root, share in there.items() if not allowed[k] or root in allowed[k]}
             for root, share in chosen.items():
                 best[k][root] = max(share, best[k].get(root, 0.0))

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.boundaries.names import BAND, nearest_sum
+from gearstab.floquet.boundaries.names import BAND, Root, nearest_sum
 from gearstab.floquet.boundaries.parts import Intervals
 from gearstab.floquet.kernel import c_points
 from gearstab.floquet.kernel.chain import Chain
@@ -42,21 +42,9 @@ ENTRIES_AT_ONCE = 2**21
 """Entries of the tables of harmonics that are made at once: 32 MB."""
 
 
-@dataclass(frozen=True, order=True)
-class WhirlRoot:
-    """Motions p <= q, counted from 0 among all modes, M cycles a common period, and whether they are a difference. A
-    motion that grows by itself has no cycles.
-    """
-
-    p: int
-    q: int
-    cycles: int
-    difference: bool = False
-
-
 @dataclass(frozen=True)
 class WhirlPairs(Columns):
-    """The leading pair of motions at each of P places, as of :class:`WhirlRoot`, and its share ``(P,)``."""
+    """The leading pair of motions at each of P places, as of a root, and its share ``(P,)``."""
 
     p: Array
     q: Array
@@ -64,12 +52,12 @@ class WhirlPairs(Columns):
     difference: Array
     share: Array
 
-    def root(self, k: int) -> WhirlRoot:
+    def root(self, k: int) -> Root:
         """Return that of a place."""
-        return WhirlRoot(int(self.p[k]), int(self.q[k]), int(self.cycles[k]), bool(self.difference[k]))
+        return Root(int(self.p[k]), int(self.q[k]), int(self.cycles[k]), bool(self.difference[k]))
 
 
-def named(chain: Chain, whole: Chain, intervals: Intervals, size: int) -> list[tuple[WhirlRoot, ...]]:
+def named(chain: Chain, whole: Chain, intervals: Intervals, size: int) -> list[tuple[Root, ...]]:
     """The roots of each interval, the leading one first.
 
     chain: of the motions that come into question; whole: of all. size: n, rigid-body modes included.
@@ -84,7 +72,7 @@ def named(chain: Chain, whole: Chain, intervals: Intervals, size: int) -> list[t
         few, every = (_frequencies(one, intervals.row[owner], cycle, size) for one in (chain, whole))
         place = _places(few, every)
         found = replace(found, **{name: place[np.arange(len(cycle)), getattr(found, name)] for name in ("p", "q")})
-    result: list[tuple[WhirlRoot, ...]] = [()] * len(count)
+    result: list[tuple[Root, ...]] = [()] * len(count)
     for k, i in enumerate(owner.tolist()):
         if not result[i] or found.share[k] > CLEAR:
             result[i] = tuple(dict.fromkeys([*result[i], found.root(k)]))
