@@ -1,6 +1,7 @@
 /* All instability boundaries of the rows of a conservative pattern along the period.
 
-   A row is searched window by window: points uniform in the period, about one for four collisions of multipliers; then the brackets
+   A row is searched window by window: points uniform in the period, about one for four collisions of multipliers (of many coordinates
+   fewer, with proofs of what lies between them, sparse.h); then the brackets
    between neighbours are refined, all of a window at once, one point a bracket and round, until each holds nothing, an edge
    within the tolerance, or a collision that opens less than the floor. What a bracket holds is said by counts (brackets.c), where
    to look by interpolation (steps.c); only verdicts at points count. */
