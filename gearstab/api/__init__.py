@@ -105,12 +105,11 @@ def info(source: Source, harmonics: int | None = None) -> Info:
 
     Raises ConfigError, and ResultError for a file that is no result.
     """
-    from gearstab import info
     from gearstab.info import configuration as base
-    from gearstab.info import result, text
+    from gearstab.info import plain, result, text
 
     if isinstance(source, str | Path) and result.is_result(Path(source)):
         known = result.describe(Path(source))
         return Info(known, result.report(known))
     facts = base.describe(as_config(source), harmonics)
-    return Info(info.plain(facts), text.report(facts))
+    return Info(plain(facts), text.report(facts))

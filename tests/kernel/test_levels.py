@@ -154,8 +154,9 @@ def test_a_fork_computes_alone() -> None:
 SOURCES = Path(ckernel.__file__).parent / "boundaries"
 
 SHARED = [
-    ("actions.h", "BAND", names.BAND), ("actions.h", "LEADING", names.LEADING), ("actions.h", "LEAST", names.LEAST),
-    ("actions.h", "LARGEST_MATRIX", points.LARGEST), ("search.h", "LARGEST", points.LARGEST),
+    ("naming/actions.h", "BAND", names.BAND), ("naming/actions.h", "LEADING", names.LEADING),
+    ("naming/actions.h", "LEAST", names.LEAST),
+    ("naming/actions.h", "LARGEST_MATRIX", points.LARGEST), ("search.h", "LARGEST", points.LARGEST),
 ]  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from scenes import DATA, problems, read, scene_text, written
 
 from gearstab.system import shared_period
 from gearstab.systems import section
-from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undetermined, alike, solve
+from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undetermined, solve
 from gearstab.systems.planetary.parts import Turning
 
 RPM = np.pi / 30
@@ -117,7 +117,7 @@ def solved(train: dict[str, Any], turned: bool = False) -> tuple[dict[str, Fract
     found = [meshes(stage) for stage in train["stages"]]
     rules = [Relation({train["input"]: 1}, ("input",), 1)]
     rules += [Relation({body: 1}, (body,)) for body in train["held"]]
-    rules += [alike(*ends, ("shafts",)) for ends in train["connections"]]
+    rules += [Relation({one: 1, other: -1}, ("shafts",)) for one, other in train["connections"]]
     rules += [mesh.relation for stage in found for mesh in stage]
     return solve(train["speeds_over_input"], rules[::-1] if turned else rules), found
 

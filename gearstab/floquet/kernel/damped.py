@@ -57,7 +57,9 @@ class Generators:
             values[rest], vectors[rest], inverse[rest] = _diagonalised(matrix[rest])
         values, vectors, inverse = values.reshape(shape[:3]), vectors.reshape(shape), inverse.reshape(shape)
         # The condition number in the Frobenius norm, which is never below the one that counts and far cheaper.
-        size = np.linalg.norm(vectors, axis=(-2, -1)) * np.linalg.norm(inverse, axis=(-2, -1))
+        # That of a defective matrix overflows where rounding makes its eigenvectors nearly parallel.
+        with np.errstate(over="ignore"):
+            size = np.linalg.norm(vectors, axis=(-2, -1)) * np.linalg.norm(inverse, axis=(-2, -1))
         sound = size < ILL_CONDITIONED
         sound[~sound] = _invertible(vectors[~sound])
         return values, vectors, inverse, sound
