@@ -202,7 +202,11 @@ def test_regions_get_the_roots_of_the_largest_total(seed: int) -> None:
     frequency = np.sort(rng.uniform(0.3, 2.0, (rows, n)), axis=1)
     every = [regions(rng, own, cycles, int(rng.integers(1, 7))) for own in frequency]
     flat = [(row, region) for row, own in enumerate(every) for region in own]
-    shares = [(k, *vars(root).values(), s) for k, (_, region) in enumerate(flat) for root, s in region.shares.items()]
+    shares = [
+        (k, root.p, root.q, root.cycles, s)
+        for k, (_, region) in enumerate(flat)
+        for root, s in region.shares.items()
+    ]
     names = c_boundaries.names(
         frequency,
         cycles,
