@@ -203,9 +203,7 @@ def test_regions_get_the_roots_of_the_largest_total(seed: int) -> None:
     every = [regions(rng, own, cycles, int(rng.integers(1, 7))) for own in frequency]
     flat = [(row, region) for row, own in enumerate(every) for region in own]
     shares = [
-        (k, root.p, root.q, root.cycles, s)
-        for k, (_, region) in enumerate(flat)
-        for root, s in region.shares.items()
+        (k, root.p, root.q, root.cycles, s) for k, (_, region) in enumerate(flat) for root, s in region.shares.items()
     ]
     names = c_boundaries.names(
         frequency,
