@@ -35,8 +35,6 @@ UNTOLD, WITHIN = 64, 1e-12
 """Stretches in which nothing is told without coordinates, after which it is given up; by how much a piece ends before
 one, relative to Omega.
 """
-
-
 NONE = np.zeros((0, 0))
 """Coordinates of pieces that need none."""
 Claim = Callable[[float, float], Certificate | None]

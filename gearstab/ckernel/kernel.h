@@ -57,7 +57,8 @@ struct lyapunov {
     double margin; /* times what bounds the second derivative by a stretching */
 };
 
-/* How much of the action of the unstable solutions at a point a root accounts for: modes p <= q and harmonic, see labels.py. */
+/* How much of the action of the unstable solutions at a point a root accounts for: modes p <= q and harmonic, see
+   boundaries/names. */
 struct share {
     int64_t point, p, q, cycles;
     double share;
@@ -269,7 +270,7 @@ struct names {
 /* Names of all regions, in their order, see names.c. Returns 0, or -1 when there is no memory. */
 int gearstab_names(const struct regions *all, struct names *kept);
 
-/* How many points took each way. Only scripts/bench_kernel.py asks, with a build of its own: counting everywhere would cost
+/* How many points took each way. Only scripts/bench/kernel.py asks, with a build of its own: counting everywhere would cost
    threads a shared line of memory. */
 enum path { PROPAGATED, INTERPOLATED, SQUARED, LEFT_TO_QR, SQUARED_TWICE, PATHS };
 #ifdef GEARSTAB_COUNT_PATHS

@@ -56,8 +56,6 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> DangerousSpeeds
 
 def judged(config: Config, system: GearSystem, low: float, high: float, harmonics: int) -> JudgedRegions:
     """Return the regions between two mesh frequencies."""
-    from gearstab.info import verified
-
     found = rank(system, low, high, harmonics, MOST, MOST)
     width, step = high - low, planets_step(system) if found.real_modes else None
     decided = _decided(system, found, low, high) if verified.decidable(system) else None

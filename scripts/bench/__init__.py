@@ -11,3 +11,4 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     # One core for everybody, read when NumPy is imported; idle threads of OpenBLAS spin for a while and would count.
     os.environ[variable] = "1"
 os.environ.setdefault("GEARSTAB_THREADS", "1")
+os.environ["PYTHONDONTWRITEBYTECODE"] = ""  # whole commands run with stored byte code, as users have it

@@ -97,9 +97,7 @@ def sweep(power: int, out: Path, *options: str) -> Cost:
     settings = [word for text in changes(power) for word in ("--set", text)]
     command = [sys.executable, "-m", "gearstab", "sweep", str(CONFIG), "-o", str(out), "-q", "--overwrite", "--yes"]
     start, others = time.perf_counter(), own_processors()
-    # With stored byte code, as users have it.
-    stored = os.environ | {"PYTHONDONTWRITEBYTECODE": ""}
-    process = subprocess.Popen([*command, *settings, *options], env=stored)
+    process = subprocess.Popen([*command, *settings, *options])
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:

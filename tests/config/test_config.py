@@ -110,7 +110,7 @@ def test_a_check_imports_what_the_configuration_needs(root: Path) -> None:
         "from gearstab.cli import group\n"
         f"group.main(['check', {str(config)!r}], standalone_mode=False)\n"
         "libraries = {'pint', 'h5py', 'scipy', 'xarray', 'matplotlib', 'joblib', 'rich', 'numpy.ma'}\n"
-        "rooms = {'design', 'gears', 'perturbation', 'plots', 'respond', 'response', 'sweep', 'tolerance'}\n"
+        "rooms = {'design', 'gears', 'perturbation', 'plots', 'response', 'sweep', 'tolerance'}\n"
         "parts = {'floquet.boundaries', 'floquet.general', 'floquet.smooth', 'systems.gearbox', 'systems.planetary'}\n"
         "found = (libraries | {f'gearstab.{name}' for name in rooms | parts}) & (set(sys.modules) - before)\n"
         "assert not found, found\n"

@@ -13,7 +13,7 @@
    4.2 with AVX2 and 1.8 to 3.2 without either (m = 4 and 6; the least with 16 segments a period, where propagation counts
    most), and floquet.solve on a map of 200 x 2000 points 3.6 times, with the same status everywhere and growths within
    1e-13. One point in 50,000 is left to QR at usual damping, one in 23 at damping ratios of 1e-6, where most are squared
-   twice: scripts/bench_kernel.py prints these shares, to be looked at before a constant below is changed. */
+   twice: scripts/bench/kernel.py prints these shares, to be looked at before a constant below is changed. */
 
 #ifndef GEARSTAB_MODULI_H
 #define GEARSTAB_MODULI_H

@@ -7,7 +7,7 @@
 
    What it is worth: without it floquet.solve on the smooth waves of waveforms/harmonics.yaml, at 1000 mesh frequencies,
    takes 1.18 times the time, and a scan of n = 3 with 16 segments 1.05 times; with 4 segments it would take 0.7 times,
-   so that only smooth waves ask for it. scripts/bench_kernel.py prints the share of points. */
+   so that only smooth waves ask for it. scripts/bench/kernel.py prints the share of points. */
 
 #ifndef GEARSTAB_INTERPOLATION_H
 #define GEARSTAB_INTERPOLATION_H

@@ -84,7 +84,7 @@ def edges(
 
 
 def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Array, limit: int | None = None) -> Array:
-    """Shares of roots (SHARE) in the unstable solutions at points (row, cycle) ``(P,)``, see labels.py.
+    """Shares of roots (SHARE) in the unstable solutions at points (row, cycle) ``(P,)``, see boundaries/names.
 
     coarse: the pattern that gives the solutions between the ends of the period; turn: ``(r, n, n)``, from the first
     modes of the pattern to those of the coarse one.
@@ -117,7 +117,7 @@ def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Ar
 def names(
     frequency: Array, cycles: float, row: Array, cycle: Array, passed: Array, meetings: Array, found: Array
 ) -> Array:
-    """The roots (NAME) of R regions that are ordered by row, each region's leading one first, see labels.py.
+    """The roots (NAME) of R regions that are ordered by row, each region's leading one first, see boundaries/names.
 
     frequency: ``(r, n)``, of the mean systems in the units of 1/cycle; passed, meetings: ``(R, 3)``; found: shares
     (SHARE) whose points are numbers of regions, in their order.

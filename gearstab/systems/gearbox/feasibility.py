@@ -174,7 +174,7 @@ NOTICES = {
         256, "cannot be put in radially", "the pinion cannot be put in radially, for {beyond_angle:.3g} rad"
     ),
 }  # fmt: skip
-"""By the names of :class:`gearstab.gears.Notice`."""
+"""By the names of :class:`gearstab.gears.pair.Notice`."""
 NOTICE_FLAGS = {name: words.bit for name, words in NOTICES.items()}
 
 GEOMETRY = frozenset({*OF_GEAR, "helix_angle", "teeth", "centre_distance"})

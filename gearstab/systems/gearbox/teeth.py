@@ -266,7 +266,7 @@ def _laws(law: Any, shape: tuple[int, ...]) -> Iterator[FrictionLaw]:
 
 @dataclass(frozen=True)
 class Rubbing:
-    """Friction of a mesh over a batch; see :class:`~gearstab.gears.MeshFriction`.
+    """Friction of a mesh over a batch; see :class:`~gearstab.gears.friction.MeshFriction`.
 
     length: L, between the tangent points of the line of action, m. share: sum sigma mu k_p/k.
     share_arm: sum sigma mu s_p k_p/k, m.

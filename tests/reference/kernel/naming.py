@@ -1,4 +1,4 @@
-"""Names of instability regions of one row: the rules of boundaries/names/labels.py, no more.
+"""Names of instability regions of one row: the rules of boundaries/names, no more.
 
 Every root within reach is scored for every slot, and the assignment with the greatest total is that of SciPy.
 """

@@ -1,4 +1,4 @@
-/* Which modes and frequencies carry unstable Floquet solutions: the shares of labels.py.
+/* Which modes and frequencies carry unstable Floquet solutions: the shares of boundaries/names.
 
    u(t) = exp((g + i phi) t/T) sum_k c_k exp(2 pi i k t/T) obeys u'' + K_s u = 0 on each segment, so that with w = (phi + 2 pi k
    - i g)/T and the modes V and squared frequencies of its state

@@ -1,6 +1,6 @@
 /* Which slot of a row gets which root: candidates with their scores, and the assignment with the largest total.
 
-   A part of names.c, whose records it works on: what is scored says labels.py. */
+   A part of names.c, whose records it works on: what is scored says boundaries/names. */
 
 #ifndef GEARSTAB_ASSIGN_H
 #define GEARSTAB_ASSIGN_H

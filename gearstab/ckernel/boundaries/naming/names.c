@@ -1,4 +1,4 @@
-/* Which roots (p, q, M) the regions of a row are named after, see labels.py. */
+/* Which roots (p, q, M) the regions of a row are named after, see boundaries/names. */
 
 #include <math.h>
 #include <stdlib.h>
