@@ -24,7 +24,7 @@ from matplotlib.transforms import (
     blended_transform_factory,
 )
 
-from gearstab.plots.drawing.text import tongue_label
+from gearstab.plots.drawing.text import fitted, tongue_label
 from gearstab.plots.drawing.tongues import (
     INVISIBLE,
     DrawnTongues,
@@ -250,9 +250,21 @@ def freeze(figure: Figure, request: Request) -> None:
     """
     for _ in range(2):  # what the first run makes room for moves labels that the second sees
         settle(figure)
+        if request.ax is None:
+            _break_long_labels(figure)
     if request.ax is None:
         _run_with_fixed_ticks(figure)
         figure.set_layout_engine("none")
+
+
+def _break_long_labels(figure: Figure) -> None:
+    """Break labels along y, and of colour bars, that are longer than their frames with the names beside these."""
+    for ax in figure.axes:
+        label, room = ax.yaxis.label, ax.get_window_extent().height
+        for part in (0.95, 0.75, 0.55):  # the fonts of a style may be wider than those that lines are reckoned for
+            if label.get_window_extent().height > room:
+                label.set_text(fitted(label.get_text(), part * room / figure.dpi, float(label.get_fontsize())))
+                label.set_linespacing(0.95)
 
 
 def _run_with_fixed_ticks(figure: Figure) -> None:
