@@ -309,7 +309,7 @@ def required_damping(
     levels = np.append(0.0, (largest or LARGEST[of]) * 0.5 ** np.arange(LEVELS - 1, -1, -1))
     for by_damping in growths(system, of, omega, levels[1]):
         index = by_damping.rows
-        found, flags = _Search(by_damping).zeros(levels, tolerance)
+        found, flags = _zeros(by_damping, levels, tolerance)
         # NaN, nothing found, prevails.
         value[index] = np.maximum(value[index], found)
         status[index] |= flags
@@ -330,60 +330,57 @@ def _driven(system: GearSystem) -> Array:
     return result
 
 
-@dataclass(frozen=True)
-class _Search:
-    """Rows whose growth is known over the damping."""
+def _zeros(by_damping: GrowthByDamping, levels: Array, tolerance: float) -> tuple[Array, Array]:
+    """(largest zero, status) ``(r, P)`` from ascending levels of which the first is zero."""
+    growth = np.stack([by_damping.at_level(level) for level in levels])
+    unstable = growth > 0
+    count = len(levels)
+    last = count - 1 - np.argmax(unstable[::-1], axis=0)
+    last = np.where(unstable.any(axis=0), last, -1)
+    status = np.where(unstable.sum(axis=0) < last + 1, FLAGS["not_monotone"], 0).astype(np.int16)
+    beyond, failed = last == count - 1, ~np.isfinite(growth).all(axis=0)
+    status[beyond] |= FLAGS["beyond"]
+    status[failed] |= FLAGS["failed"]
+    value = np.where(beyond | failed, np.nan, 0.0)
+    rows, points = np.nonzero((last >= 0) & ~beyond & ~failed)
+    step = by_damping.at_once
+    for i in range(0, len(rows), step):
+        row, point = rows[i : i + step], points[i : i + step]
+        low = last[row, point]
+        ends = np.stack([levels[low], levels[low + 1]])
+        values = np.stack([growth[low, row, point], growth[low + 1, row, point]])
+        # The kernel rounds the growth at a zero either way: half of the tolerance is kept for that.
+        found = _refined(by_damping, row, by_damping.omega[row, point], ends, values, 0.5 * tolerance)
+        value[row, point] = np.minimum(found * (1 + 0.5 * tolerance), levels[low + 1])
+    return value, status
 
-    by_damping: GrowthByDamping
 
-    def zeros(self, levels: Array, tolerance: float) -> tuple[Array, Array]:
-        """(largest zero, status) ``(r, P)`` from ascending levels of which the first is zero."""
-        growth = np.stack([self.by_damping.at_level(level) for level in levels])
-        unstable = growth > 0
-        count = len(levels)
-        last = count - 1 - np.argmax(unstable[::-1], axis=0)
-        last = np.where(unstable.any(axis=0), last, -1)
-        status = np.where(unstable.sum(axis=0) < last + 1, FLAGS["not_monotone"], 0).astype(np.int16)
-        beyond, failed = last == count - 1, ~np.isfinite(growth).all(axis=0)
-        status[beyond] |= FLAGS["beyond"]
-        status[failed] |= FLAGS["failed"]
-        value = np.where(beyond | failed, np.nan, 0.0)
-        rows, points = np.nonzero((last >= 0) & ~beyond & ~failed)
-        step = self.by_damping.at_once
-        for i in range(0, len(rows), step):
-            row, point = rows[i : i + step], points[i : i + step]
-            low = last[row, point]
-            ends = np.stack([levels[low], levels[low + 1]])
-            values = np.stack([growth[low, row, point], growth[low + 1, row, point]])
-            # The kernel rounds the growth at a zero either way: half of the tolerance is kept for that.
-            found = self.refined(row, self.by_damping.omega[row, point], ends, values, 0.5 * tolerance)
-            value[row, point] = np.minimum(found * (1 + 0.5 * tolerance), levels[low + 1])
-        return value, status
+def _refined(
+    by_damping: GrowthByDamping, row: Array, omega: Array, ends: Array, values: Array, tolerance: float
+) -> Array:
+    """Return the zeros ``(N,)`` of points in brackets ``(2, N)`` of values > 0 and <= 0: their last stable ends.
 
-    def refined(self, row: Array, omega: Array, ends: Array, values: Array, tolerance: float) -> Array:
-        """Return the zeros ``(N,)`` of points in brackets ``(2, N)`` of values > 0 and <= 0: their last stable ends.
-
-        Source: Illinois method, with halving in between. A growth below DAMPED_ON_CIRCLE is none only where the stable
-        end decays no more than that, as a mode without damping does; elsewhere the zero is that of the growth itself.
-        """
-        floor = np.where(values[1] < -2 * DAMPED_ON_CIRCLE, DAMPED_ON_CIRCLE, 0.0)
-        (low, high), (f_low, f_high) = ends.copy(), values + floor
-        side = np.zeros(len(row))
-        for step in range(ROUNDS):
-            active = np.flatnonzero(high - low > tolerance * high)
-            if len(active) == 0:
-                break
-            a, b, f_a, f_b = low[active], high[active], f_low[active], f_high[active]
-            x = 0.5 * (a + b) if step % 3 == 2 else b - f_b * (b - a) / (f_b - f_a)
-            # A zero at an end of the bracket is approached from inside, by half of what is left to gain.
-            margin = 0.5 * tolerance * b
-            x = np.clip(x, a + margin, b - margin)
-            f = self.by_damping.at_points(row[active], omega[active], x) + floor[active]
-            above = f > 0
-            # An end that stays twice running counts half, so that the secant crosses over to it.
-            stays = side[active] == np.where(above, 1, -1)
-            f_high[active] = np.where(above, np.where(stays, 0.5 * f_b, f_b), f)
-            f_low[active] = np.where(above, f, np.where(stays, 0.5 * f_a, f_a))
-            low[active], high[active] = np.where(above, x, a), np.where(above, b, x)
-            side[active] = np.where(above, 1, -1)
-        return high
+    Source: Illinois method, with halving in between. A growth below DAMPED_ON_CIRCLE is none only where the stable
+    end decays no more than that, as a mode without damping does; elsewhere the zero is that of the growth itself.
+    """
+    floor = np.where(values[1] < -2 * DAMPED_ON_CIRCLE, DAMPED_ON_CIRCLE, 0.0)
+    (low, high), (f_low, f_high) = ends.copy(), values + floor
+    side = np.zeros(len(row))
+    for step in range(ROUNDS):
+        active = np.flatnonzero(high - low > tolerance * high)
+        if len(active) == 0:
+            break
+        a, b, f_a, f_b = low[active], high[active], f_low[active], f_high[active]
+        x = 0.5 * (a + b) if step % 3 == 2 else b - f_b * (b - a) / (f_b - f_a)
+        # A zero at an end of the bracket is approached from inside, by half of what is left to gain.
+        margin = 0.5 * tolerance * b
+        x = np.clip(x, a + margin, b - margin)
+        f = by_damping.at_points(row[active], omega[active], x) + floor[active]
+        above = f > 0
+        # An end that stays twice running counts half, so that the secant crosses over to it.
+        stays = side[active] == np.where(above, 1, -1)
+        f_high[active] = np.where(above, np.where(stays, 0.5 * f_b, f_b), f)
+        f_low[active] = np.where(above, f, np.where(stays, 0.5 * f_a, f_a))
+        low[active], high[active] = np.where(above, x, a), np.where(above, b, x)
+        side[active] = np.where(above, 1, -1)
+    return high

@@ -31,6 +31,7 @@ import numpy as np
 from gearstab.grouping import equal_rows
 from gearstab.mesh import SpeedTerm, speed_factor_slopes, speed_factors
 from gearstab.modal import mean_modes
+from gearstab.propagation.schedule import acting
 from gearstab.system import Array, GearSystem
 
 UNDAMPED = 1e-11
@@ -75,8 +76,7 @@ class ModalMatrices:
         parts = [(False, deflection[:, i, :, None] * deflection[:, i, None, :]) for i in range(len(system.meshes))]
         for term in system.terms:
             u, v = (np.einsum("rnp,rn->rp", shapes, system.flat(end, 1)) for end in (term.left, term.right))
-            kinds = [on for on, profile in enumerate((term.stiffness, term.damping)) if profile is not None]
-            parts += [(bool(on), u[:, :, None] * v[:, None, :]) for on in kinds]
+            parts += [(on_velocity, u[:, :, None] * v[:, None, :]) for on_velocity, _ in acting(term)]
         static = back @ system.flat(system.stiffness, 2) @ shapes
         by_rotation = [
             [

@@ -65,7 +65,7 @@ class Elastic:
     @property
     def damping_matrix(self) -> Array:
         """``(r, n, n)``, C after the shift."""
-        return np.zeros_like(self.static) if self.damping is None else self.damping
+        return np.zeros_like(self.static) if self.conservative else np.asarray(self.damping)
 
     @property
     def held(self) -> int:
