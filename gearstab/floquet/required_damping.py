@@ -230,16 +230,16 @@ def _wholes(system: GearSystem, of: str, omega: Array, level: float) -> Iterator
     """All rows; what is varied is a matrix that acts with a speed, as coordinates do not depend on that."""
     given, back = system.damping_matrix, np.swapaxes(system.damping_matrix, -1, -2)
     matrix = unit_damping(system) if of == DAMPING_RATIO else 0.5 * (given + back)
-    others = tuple(term for term in map(_without_dissipation, system.terms) if term.profiles)
+    others = (replace(term, damping=None) if _dissipative(term) else term for term in system.terms)
     # What is skew in a damping matrix does no work: it is gyroscopic.
     skew = 0.5 * (given - back) if Feature.UNSYMMETRIC_DAMPING in system.features else None
-    still = replace(system, damping=skew, terms=others)
+    still = replace(system, damping=skew, terms=tuple(term for term in others if term.profiles))
     kept = tuple(filter(_dissipative, system.terms)) if of == FACTOR else ()
 
     def at(factor: float) -> GearSystem:
         drag = Rotation(None, factor, gyroscopic=matrix)
         scaled_terms = [replace(term, left=factor * term.left, stiffness=None) for term in kept]
-        return replace(still, terms=(*others, *scaled_terms), rotations=(*system.rotations, drag))
+        return replace(still, terms=(*still.terms, *scaled_terms), rotations=(*system.rotations, drag))
 
     found = analyse(still, omega)
     period = 2 * np.pi * float(system.common_period()[0]) / omega
@@ -267,10 +267,6 @@ def _dissipative(term: PeriodicTerm) -> bool:
     across = u[..., :, None] * v[..., None, :] - v[..., :, None] * u[..., None, :]
     size = np.linalg.norm(u, axis=-1) * np.linalg.norm(v, axis=-1)
     return term.damping is not None and bool(np.all(np.abs(across).max(axis=(-2, -1)) <= PARALLEL * size))
-
-
-def _without_dissipation(term: PeriodicTerm) -> PeriodicTerm:
-    return replace(term, damping=None) if _dissipative(term) else term
 
 
 @dataclass(frozen=True)
