@@ -113,14 +113,9 @@ class Scene:
         return np.block([[np.zeros((n, n)), np.eye(n)], [-solved]])
 
     @property
-    def constant(self) -> bool:
-        """Whether the system is constant between the edges."""
-        return self.system.piecewise_constant
-
-    @property
     def exact(self) -> bool:
         """Whether segments of constant mesh stiffness are all of it."""
-        return self.constant and not self.system.terms
+        return self.system.piecewise_constant and not self.system.terms
 
     @property
     def conservative(self) -> bool:
