@@ -162,7 +162,7 @@ class ToleranceAnalysis(SampledMethod):
 
     def run(self, mesh_frequency: Array) -> Outcome:
         """Compute a batch ``(rows, samples)``, the samples of a row in the order of the design."""
-        from gearstab.tolerance import estimates
+        from gearstab.tolerance import probability, sobol_indices
 
         inner = self.inner.of(self.system)
         found = inner.run(mesh_frequency).values
@@ -172,12 +172,12 @@ class ToleranceAnalysis(SampledMethod):
         unstable, failed = verdict == 0, verdict < 0
         if not failed.any():
             failed = np.zeros((1,) * verdict.ndim, dtype=bool)
-        middle, lower, upper = estimates.probability(unstable, failed, self.design)
+        middle, lower, upper = probability(unstable, failed, self.design)
         status = np.bitwise_or.reduce(found["status"].reshape(-1, self.design.size, count), axis=1)
         values = {"probability": middle, "probability_lower": lower, "probability_upper": upper, "status": status}
         if self.indices:
             names = ("sobol_first", "sobol_total", "sobol_first_interval", "sobol_total_interval")
-            values |= dict(zip(names, estimates.sobol_indices(unstable, self.design), strict=True))
+            values |= dict(zip(names, sobol_indices(unstable, self.design), strict=True))
         return Outcome(values)
 
     def integrated(self, present: Array, speed: UncertainSpeed, factor: float) -> Outcome:
@@ -186,13 +186,13 @@ class ToleranceAnalysis(SampledMethod):
         P(unstable) = E sum_k [F(b_k) - F(a_k)], over the regions a_k to b_k of a sample, F being the distribution of
         the mesh frequency. Edges are off by their tolerance at most, and regions narrower than it are left out.
         """
-        from gearstab.tolerance import estimates
+        from gearstab.tolerance import mean_of_chances
 
         system = self.system
         found = []
         for chances in _chances(system, present, speed, factor):
             samples = np.moveaxis(chances.reshape(-1, *self.design.shape, chances.shape[-1]), -1, 1)
-            found.append(estimates.mean_of_chances(samples, self.design))
+            found.append(mean_of_chances(samples, self.design))
         middle, lower, upper = (one[0] if self.alone else one[k] for k, one in enumerate(found))
         soft = np.any([np.broadcast_to(mesh.lowest_stiffness <= 0, system.batch) for mesh in system.meshes], axis=0)
         flags = np.where(soft.reshape(-1, self.design.size).any(axis=1), STATUS_FLAGS["negative_stiffness"], 0)

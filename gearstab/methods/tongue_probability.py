@@ -88,11 +88,11 @@ class TongueProbabilityAnalysis(SampledMethod):
         return options
 
     def variables(self) -> tuple[Variable, ...]:
-        from gearstab.tolerance import estimates
+        from gearstab.tolerance import probability
 
         # What is said of a region that no sample of a block has: 0 to the upper end for none.
         none = np.zeros(self.design.shape, dtype=bool)
-        ends = estimates.probability(none, np.zeros((1, 1, 1), dtype=bool), self.design)
+        ends = probability(none, np.zeros((1, 1, 1), dtype=bool), self.design)
         table = [replace(v, missing=float(end)) for v, end in zip(TONGUE_PROBABILITY, ends, strict=True)]
         return (*TONGUE, OCCURRENCE, *table, *SAMPLED)
 
@@ -103,7 +103,7 @@ class TongueProbabilityAnalysis(SampledMethod):
     def run(self, mesh_frequency: Array) -> Outcome:
         """Compute a batch ``(rows, samples)``, the samples of a row in the order of the design."""
         from gearstab.floquet.boundaries import boundaries
-        from gearstab.tolerance import estimates
+        from gearstab.tolerance import probability
 
         start, stop = (float(end) for end in mesh_frequency)
         found = boundaries(self.system, start, stop, self.options.tolerance, self.options.width_floor)
@@ -111,7 +111,7 @@ class TongueProbabilityAnalysis(SampledMethod):
         touching = np.isfinite(edges.boundary_frequency).any(axis=1)
         samples = touching.reshape(len(edges.index), -1, *self.design.shape)
         names = ("tongue_probability", "tongue_probability_lower", "tongue_probability_upper")
-        shares = estimates.probability(samples, np.zeros((1,) * samples.ndim, dtype=bool), self.design)
+        shares = probability(samples, np.zeros((1,) * samples.ndim, dtype=bool), self.design)
         step, coarse = (own.reshape(-1, self.design.size) for own in (found.sampled_step, found.coarse))
         search = {"sampled_step": step.max(axis=1), "coarse": coarse.sum(axis=1)}
         return Outcome(dict(zip(names, shares, strict=True)) | search, edges.index)
