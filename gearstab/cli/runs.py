@@ -230,8 +230,7 @@ def _scene(loaded: Config, system: GearSystem) -> Scene:
     """The base system and the range of the mesh_frequency axis. Raises ConfigError without such an axis."""
     from gearstab.bench import Scene, without_rigid_modes
     from gearstab.config import ConfigError
-    from gearstab.support import unsupported
-    from gearstab.system import Feature
+    from gearstab.system import Feature, unsupported
 
     axis = next((axis for axis in loaded.axes if axis.name == "mesh_frequency"), None)
     if axis is None:

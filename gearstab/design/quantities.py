@@ -13,8 +13,7 @@ import numpy as np
 from gearstab.design import regions
 from gearstab.design.problem import Batch, Span
 from gearstab.modal import mean_modes
-from gearstab.support import ANY_LINEAR, WHIRLING, unsupported, whirls
-from gearstab.system import Array, Feature, GearSystem
+from gearstab.system import ANY_LINEAR, WHIRLING, Array, Feature, GearSystem, unsupported, whirls
 
 UNIFORM = 48
 """Points over a range at which growth, required damping or response are computed, besides those in regions."""

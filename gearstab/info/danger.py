@@ -26,9 +26,8 @@ from gearstab.perturbation import remedies
 from gearstab.perturbation.multiple_scales import group_of, modal_rows
 from gearstab.perturbation.remedies import RankedRegion, Ranking, Resonance, rank
 from gearstab.perturbation.tongues import SELF_EXCITED, Tongue
-from gearstab.support import ANY_LINEAR, WHIRLING, unsupported
 from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step, turns
-from gearstab.system import Array, GearSystem
+from gearstab.system import ANY_LINEAR, WHIRLING, Array, GearSystem, unsupported
 
 WORTHWHILE = 0.5
 """A remedy that leaves more than this part of a region is not mentioned."""

@@ -164,7 +164,7 @@ BUDGETS: dict[str, dict[str, tuple[int, int]]] = {
         "cli": (16, 1960),
         "config": (24, 4230),
         "design": (11, 1600),
-        "exchange": (4, 420),
+        "exchange": (3, 420),
         "floquet": (56, 6710),
         "gears": (11, 1430),
         "info": (11, 2090),

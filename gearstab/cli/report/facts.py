@@ -32,10 +32,9 @@ from gearstab.response.speeds import force_bounds, speed_response
 from gearstab.response.steady import STATUS_FLAGS
 from gearstab.results import open_result
 from gearstab.results.display import unit_of
-from gearstab.support import whirls
 from gearstab.sweep import plan, run
 from gearstab.symmetry import natural_modes
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, whirls
 
 SPEEDS, BEYOND = 801, 101
 """Speeds of a range, and beyond either end of all ranges, at which growth rates are computed."""
