@@ -7,9 +7,8 @@ from dataclasses import replace
 from math import isnan, pi
 from typing import Any
 
-from gearstab.cli.report import facts
+from gearstab.cli.report import Block, BulletList, Heading, Page, Picture, Table, Text, facts
 from gearstab.cli.report.facts import State
-from gearstab.cli.report.page import Block, BulletList, Heading, Page, Picture, Table, Text
 from gearstab.config import Config, ConfigError
 from gearstab.design import check
 from gearstab.design.problem import DesignProblem, Span
