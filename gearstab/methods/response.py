@@ -220,12 +220,6 @@ class BranchesOptions(Section):
         """Return the axis along which motions are followed, None for the mesh frequency."""
         return self._axis
 
-    def along(self, axis: Axis) -> BranchesOptions:
-        """Return the options with their axis."""
-        other = self.model_copy()
-        other._axis = axis
-        return other
-
 
 class BranchAnalysis(Method):
     """Periodic motions of a system whose teeth may part, one system at a time."""
@@ -255,7 +249,7 @@ class BranchAnalysis(Method):
         if found is not None and found.mesh_frequency is not None:
             return options
         if found is not None and not isinstance(found.values, list) and found.span[0] < found.span[1]:
-            return options.along(found)
+            return options.knowing(axis=found)
         message = "is no axis of the sweep" if found is None else "is no axis of numbers that differ"
         document.report(("methods", cls.name, "over"), "needs_other", message, "name an axis of numbers of sweep",
                         value=options.over)  # fmt: skip

@@ -291,12 +291,6 @@ class TongueProbabilityOptions(Section):
         """Return the number of uncertain parameters."""
         return self._parameters
 
-    def of_parameters(self, count: int) -> TongueProbabilityOptions:
-        """Return the options for so many uncertain parameters."""
-        other = self.model_copy()
-        other._parameters = count
-        return other
-
 
 class TongueProbabilityAnalysis(SampledMethod):
     """Exact boundaries of samples of the system, and which share of them has each region."""
@@ -330,7 +324,7 @@ class TongueProbabilityAnalysis(SampledMethod):
     ) -> TongueProbabilityOptions:
         parameters = document.get(("methods", "tolerance", "parameters"))
         if parameters:
-            return options.of_parameters(len(parameters))
+            return options.knowing(parameters=len(parameters))
         remedy = "add tolerance: {parameters: {..}} to methods"
         path = ("methods", cls.name)
         document.report(path, "needs_other", "takes its distributions from methods.tolerance", remedy, at_key=True)

@@ -64,7 +64,10 @@ def page(config: Config, say: Callable[[str], None], unit: str = "") -> Page:
 
     unit: in which speeds are written, "" for that in which they were typed. Raises ConfigError, NotPossible.
     """
-    solution = _solution(config, say)
+    solution = None
+    if config.design is not None:
+        check(config)
+        solution = solved(DesignProblem(config, config.design), say)
     say(STEPS[0])
     states = _states(config, solution)
     shown = _shown(config, states[0], unit)
@@ -83,17 +86,13 @@ def page(config: Config, say: Callable[[str], None], unit: str = "") -> Page:
     say(STEPS[3])
     blocks += _uncertainty(config, states[0], shown)
     blocks += _modes(states[0], shown)
-    blocks += [Heading("Assumptions and limits"), BulletList([_sureness(states[0]), *LIMITS])]
+    if states[0].verified:
+        sure = WHIRLING_EXACT if whirls(states[0].system) else EXACT
+    else:
+        sure = FIRST_ORDER.format(strategy=states[0].strategy.reason.replace("_", " "))
+    blocks += [Heading("Assumptions and limits"), BulletList([sure, *LIMITS])]
     blocks += _provenance(config)
     return Page(config.title, blocks)
-
-
-def _solution(config: Config, say: Callable[[str], None]) -> Solution | None:
-    if config.design is None:
-        return None
-
-    check(config)
-    return solved(DesignProblem(config, config.design), say)
 
 
 def _states(config: Config, solution: Solution | None) -> list[State]:
@@ -212,13 +211,6 @@ def _regions(state: State, shown: ShownSpeeds) -> Iterator[Block]:
         yield Text(f"and {state.narrow} narrower region{'s' * (state.narrow != 1)}.")
     if state.refuted:
         yield Text(f"Remedies of first order that exact search refutes are left out: {state.refuted}.")
-
-
-def _sureness(state: State) -> str:
-    """How sure the regions are."""
-    if state.verified:
-        return WHIRLING_EXACT if whirls(state.system) else EXACT
-    return FIRST_ORDER.format(strategy=state.strategy.reason.replace("_", " "))
 
 
 SUMMED = " of one mesh frequency at a time, the largest deviations of all added up"

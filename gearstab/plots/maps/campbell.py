@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -38,7 +38,18 @@ from gearstab.plots.drawing.style import (
 from gearstab.plots.drawing.text import bracketed, plain, tongue_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import branches
-from gearstab.plots.maps.branches import Region, WhirlCurves, draw_order, number_orders, order_colour
+from gearstab.plots.maps.branches import (
+    FAINT,
+    MARKERS,
+    WIDE,
+    Marks,
+    Region,
+    WhirlCurves,
+    draw_order,
+    number_orders,
+    order_colour,
+    spot,
+)
 from gearstab.plots.view import MOST_PANELS, TALL, Request, View, arrangement, caption, some, view_along
 from gearstab.results.display import RATIOS, SPEEDS
 
@@ -49,12 +60,9 @@ ORDERS = 6
 """Half orders of a mesh that are drawn at the most: 0.5, 1, ... 3 times its frequency."""
 AIR = 1.22
 """The frame over the highest natural frequency that an order reaches."""
-FAINT, GREY = "#a0a0a0", "#5f5f5f"
+GREY = "#5f5f5f"
 MOST_CLOSED = 60
 """Closed regions of two modes are not marked where there are more of them."""
-SIZES = (2.2, 4.0)
-"""Size of a mark, in points: for a line, and for a region from WIDE of the frame on."""
-WIDE = 0.03
 TOGETHER = 1e-6, 0.005, 0.01, 0.02, 0.04
 """Natural frequencies closer than this part of the frame have one name: the first with which all names find room."""
 KILOHERTZ = 2000.0
@@ -95,13 +103,6 @@ def frequency_unit(tree: xr.DataTree, speed: FigureAxis | None, top: float) -> t
     return ("kHz", 2000 * pi) if top >= KILOHERTZ * 2 * pi or speed.units == "kHz" else ("Hz", 2 * pi)
 
 
-def fixed_speed(tree: xr.DataTree, view: View, speed: FigureAxis | None) -> float | None:
-    """The mesh frequency that was selected beside another axis, rad per unit time."""
-    if speed is None or speed.name not in view.fixed or not speed.factor:
-        return None
-    return float(speed.positions[view.fixed[speed.name]] * speed.factor)
-
-
 def mesh_ratios(tree: xr.DataTree, regions: list[Region]) -> dict[float, list[str]]:
     """Frequency over the mesh frequency -> names of the meshes that have it."""
     modes, found = group_of(tree, "modes"), dict[float, list[str]]()
@@ -133,7 +134,10 @@ class Panel:
             self.branches = branches.read_branches(tree, view, self.parameter, self.modes.shape[1])
             self.regions = branches.read_regions(tree, view, self.parameter)
         self.ratios = mesh_ratios(tree, self.regions)
-        self.at = fixed_speed(tree, view, speed)
+        self.at: float | None = None
+        """The mesh frequency that was selected beside another axis."""
+        if speed is not None and speed.name in view.fixed and speed.factor:
+            self.at = float(speed.positions[view.fixed[speed.name]] * speed.factor)
         factor = (speed.factor or 1.0) if speed is not None else None
         ends = grid.limits(view.x) if self.parameter is None else grid.limits(speed) if speed is not None else None
         self.span = None if ends is None or factor is None else (ends[0] * factor, ends[1] * factor)
@@ -270,51 +274,7 @@ def draw_segments(ax: Axes, panel: Panel, unit: float) -> Artists:
     return NOTHING | {"regions": marks.draw(ax, False), "segments": segments}
 
 
-class Marks:
-    """Places of regions of one mode and of two, ``(x, y, size)``, and lines that join the frequencies of two."""
-
-    def __init__(self) -> None:
-        self.one: list[tuple[float, float, float]] = []
-        self.two: list[tuple[float, float, float]] = []
-        self.joints: list[Any] = []
-
-    def add(self, region: Region, x: float, y: Array, width: float) -> None:
-        """Mark a region at the mean of its two natural frequencies y; width: its part of the frame."""
-        size = SIZES[0] + (SIZES[1] - SIZES[0]) * min(max(width, 0.0) / WIDE, 1.0)
-        (self.one if region.p == region.q else self.two).append((x, float(y.mean()), size))
-        if y[0] != y[-1]:
-            self.joints.append([(x, y[0]), (x, y[-1])])
-
-    def draw(self, ax: Axes, faint: bool) -> dict[str, PathCollection]:
-        """Draw them; by sort, none of a sort that there is none of."""
-        if not faint:
-            lines = LineCollection(self.joints, colors=UNSTABLE, linewidths=0.5, linestyles=":", zorder=1.7)
-            ax.add_collection(lines, autolim=False)
-        drawn = {}
-        for sort, places in (("one", self.one), ("two", self.two)):
-            if places:
-                x, y, size = np.transpose(places)
-                face, edge = ("white", FAINT) if faint else (UNSTABLE, LINE)
-                drawn[sort] = ax.scatter(
-                    x, y, (0.8 if faint else 1.0) * size**2, marker=MARKERS[sort], facecolor=face, edgecolor=edge,
-                    linewidth=0.5 if faint else 0.3, zorder=1.8 if faint else 3,
-                )  # fmt: skip
-        return drawn
-
-
-MARKERS = {"one": "o", "two": "D"}
 CLOSED = {"one": "one mode, closed", "two": "two modes, closed"}
-
-
-def spot(sort: str, faint: bool, words: str) -> Line2D:
-    """The entry of a mark in a legend."""
-    face, edge = ("white", FAINT) if faint else (UNSTABLE, LINE)
-    # The frequencies of two modes are joined by dots.
-    return Line2D(
-        [], [], color=UNSTABLE, linestyle=":" if sort == "two" and not faint else "none", linewidth=0.5,
-        marker=MARKERS[sort], markersize=SIZES[1], markerfacecolor=face, markeredgecolor=edge, markeredgewidth=0.5,
-        label=words,
-    )  # fmt: skip
 
 
 def name_modes(ax: Axes, panel: Panel, unit: float) -> names.NamedTongues:
