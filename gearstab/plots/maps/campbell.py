@@ -38,18 +38,7 @@ from gearstab.plots.drawing.style import (
 from gearstab.plots.drawing.text import bracketed, plain, tongue_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import branches
-from gearstab.plots.maps.branches import (
-    FAINT,
-    MARKERS,
-    WIDE,
-    Marks,
-    Region,
-    WhirlCurves,
-    draw_order,
-    number_orders,
-    order_colour,
-    spot,
-)
+from gearstab.plots.maps.branches import Region
 from gearstab.plots.view import MOST_PANELS, TALL, Request, View, arrangement, caption, some, view_along
 from gearstab.results.display import RATIOS, SPEEDS
 
@@ -124,7 +113,7 @@ class Panel:
     def __init__(self, tree: xr.DataTree, view: View, speed: FigureAxis | None) -> None:
         self.tree, self.view = tree, view
         self.parameter = None if view.speed is not None else view.x
-        self.whirl = WhirlCurves.read(tree, view, speed)
+        self.whirl = branches.WhirlCurves.read(tree, view, speed)
         if self.whirl is not None:
             self.modes = self.whirl.frequency
             self.branches = np.tile(np.arange(self.modes.shape[1]), (len(self.modes), 1))
@@ -217,12 +206,12 @@ def draw_orders(ax: Axes, panel: Panel, unit: float) -> list[Line2D]:
     found = []
     for n, ratio in enumerate(panel.ratios):
         over_speed = panel.parameter is None
-        colour = order_colour(n, len(panel.ratios)) if over_speed else GREY
+        colour = branches.order_colour(n, len(panel.ratios)) if over_speed else GREY
         mesh = "" if over_speed or len(panel.ratios) == 1 else f" {said(panel.ratios[ratio])}"
         for half in range(1, panel.orders + 1):
             size = 0.5 * half * ratio / unit
             slope, level = (size * (panel.view.factor or 1.0), 0.0) if over_speed else (0.0, size * (panel.at or 0.0))
-            found.append(draw_order(ax, slope, level, half, colour, mesh))
+            found.append(branches.draw_order(ax, slope, level, half, colour, mesh))
     return [order for order in found if order is not None]
 
 
@@ -231,7 +220,7 @@ def draw_crossings(ax: Axes, panel: Panel, unit: float) -> Artists:
     modes, and a mark where a drawn order passes their mean, faint where the region is closed.
     """
     factor, (low, high) = panel.view.factor or 1.0, ax.get_xlim()
-    w, marks, closed = panel.modes[0] / unit, Marks(), Marks()
+    w, marks, closed = panel.modes[0] / unit, branches.Marks(), branches.Marks()
     bars: list[Any] = []
     for region in panel.regions:
         own = w[[region.p, region.q]]
@@ -245,7 +234,7 @@ def draw_crossings(ax: Axes, panel: Panel, unit: float) -> Artists:
             if low <= centre <= high and region.harmonic <= panel.orders:
                 marks.add(region, centre, own, (ends[1] - ends[0]) / (high - low))
         elif 0 < region.harmonic <= panel.orders and low <= centre <= high:
-            closed.add(region, centre, own, 0.5 * WIDE)
+            closed.add(region, centre, own, 0.5 * branches.WIDE)
     if len(closed.two) > MOST_CLOSED:
         closed.two.clear()
     ax.add_collection(LineCollection(bars, colors=UNSTABLE, linewidths=2.6, zorder=2.5), autolim=False)
@@ -261,7 +250,7 @@ def draw_segments(ax: Axes, panel: Panel, unit: float) -> Artists:
     """
     assert panel.parameter is not None
     assert panel.at is not None
-    x, marks, segments = panel.parameter.ascending, Marks(), list[Line2D]()
+    x, marks, segments = panel.parameter.ascending, branches.Marks(), list[Line2D]()
     for region in panel.regions:
         grows, off = panel.within(region), panel.modes[:, [region.p, region.q]].sum(axis=1) - region.ratio * panel.at
         for mode in dict.fromkeys((region.p, region.q)) if grows.any() else ():
@@ -270,7 +259,7 @@ def draw_segments(ax: Axes, panel: Panel, unit: float) -> Artists:
         for k in np.flatnonzero((off[:-1] * off[1:] <= 0) & region.open[:-1] & region.open[1:] & (off[:-1] != off[1:])):
             part = off[k] / (off[k] - off[k + 1])
             between = (1 - part) * panel.modes[k] + part * panel.modes[k + 1]
-            marks.add(region, (1 - part) * x[k] + part * x[k + 1], between[[region.p, region.q]] / unit, WIDE)
+            marks.add(region, (1 - part) * x[k] + part * x[k + 1], between[[region.p, region.q]] / unit, branches.WIDE)
     return NOTHING | {"regions": marks.draw(ax, False), "segments": segments}
 
 
@@ -331,15 +320,15 @@ def legend_handles(panels: list[Panel], drawn: list[Artists]) -> list[Any]:
             words = "mesh orders" if len(ratios) == 1 or not meshes else f"orders of {said(meshes)}"
             if n and (number := numbers.get(meshes[0])):
                 words += rf", $\Omega_{{{number}}}$"
-            colour = order_colour(n, len(ratios)) if over_speed else GREY
+            colour = branches.order_colour(n, len(ratios)) if over_speed else GREY
             handles.append(Line2D([], [], color=colour, linewidth=0.6, label=words))
-        colour = colour if len(ratios) == 1 else FAINT
+        colour = colour if len(ratios) == 1 else branches.FAINT
         handles.append(Line2D([], [], color=colour, linewidth=0.6, linestyle=(0, (4, 2)), label="half orders"))
     for sort, words in (("one", "instability of one mode"), ("two", "instability of two modes")):
         if any(sort in artists["regions"] for artists in drawn):
-            handles.append(spot(sort, False, words))
+            handles.append(branches.spot(sort, False, words))
     closed = {sort for artists in drawn for sort in artists["closed"]}
-    handles += [spot(sort, True, CLOSED[sort]) for sort in MARKERS if sort in closed]
+    handles += [branches.spot(sort, True, CLOSED[sort]) for sort in branches.MARKERS if sort in closed]
     if any(artists["bands"] is not None for artists in drawn):
         handles.append(Patch(facecolor=SHADE, label=f"unstable speeds{panels[0].theory}"))
     if any(artists.get("segments") for artists in drawn):
@@ -386,7 +375,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     names.freeze(figure, request)
     for ax, artists in zip(axes, drawn, strict=True):
         marks = [mark for sort in ("regions", "closed") for mark in artists[sort].values()]
-        number_orders(ax, artists["orders"], artists["modes"], marks)
+        branches.number_orders(ax, artists["orders"], artists["modes"], marks)
     return figure, {"panels": drawn, "legend": legend, "left_out": note}
 
 
