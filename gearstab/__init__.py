@@ -22,17 +22,15 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from gearstab.api import build, info, load
+    from gearstab.api import boundaries, build, floquet, info, load, perturbation
     from gearstab.api.runs import design, plot, respond, save, sweep
-    from gearstab.api.stability import boundaries, floquet, perturbation
-    from gearstab.exchange.files import dump, export_matrices, from_matrices
+    from gearstab.exchange import dump, export_matrices, from_matrices
     from gearstab.exchange.programs import from_opentorsion, from_ross
 
 ROOMS = {
-    "api": ("build", "info", "load"),
+    "api": ("boundaries", "build", "floquet", "info", "load", "perturbation"),
     "api.runs": ("design", "plot", "respond", "save", "sweep"),
-    "api.stability": ("boundaries", "floquet", "perturbation"),
-    "exchange.files": ("dump", "export_matrices", "from_matrices"),
+    "exchange": ("dump", "export_matrices", "from_matrices"),
     "exchange.programs": ("from_opentorsion", "from_ross"),
 }
 """Module -> the public functions in it."""

@@ -180,7 +180,7 @@ def collocation(scene: Scene, omega: float) -> float:
         generator = scene.generator_at(0.5 * (a + b))
         radians = float(period) * (b - a) * np.abs(np.linalg.eigvals(generator)).max()
         waves = OSCILLATIONS * cycles * (b - a)
-        count = int(np.ceil(max(radians, 0 if scene.constant else waves) / RADIANS)) + 1
+        count = int(np.ceil(max(radians, 0 if scene.system.piecewise_constant else waves) / RADIANS)) + 1
         for k in range(count):
             total = _step(scene, a + (b - a) * k / count, (b - a) / count, period) @ total
         largest = float(np.abs(total).max())

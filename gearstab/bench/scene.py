@@ -102,10 +102,9 @@ class Scene:
             add(mesh.waveform, count, mesh.lag, 2 * mesh.amplitude * mesh.outer, zero)
         for term, count in zip(system.terms, counts[len(system.meshes) :], strict=True):
             outer = np.outer(term.left, term.right)
-            if term.stiffness is not None:
-                add(term.stiffness, count, term.lag, outer, zero)
-            if term.damping is not None:
-                add(term.damping, count, term.lag, zero, outer)
+            for profile, parts in ((term.stiffness, (outer, zero)), (term.damping, (zero, outer))):
+                if profile is not None:
+                    add(profile, count, term.lag, *parts)
         return constant, found
 
     def _first_order(self, stiffness: Array, damping: Array) -> Array:
@@ -114,14 +113,9 @@ class Scene:
         return np.block([[np.zeros((n, n)), np.eye(n)], [-solved]])
 
     @property
-    def constant(self) -> bool:
-        """Whether the system is constant between the edges."""
-        return self.system.piecewise_constant
-
-    @property
     def exact(self) -> bool:
         """Whether segments of constant mesh stiffness are all of it."""
-        return self.constant and not self.system.terms
+        return self.system.piecewise_constant and not self.system.terms
 
     @property
     def conservative(self) -> bool:

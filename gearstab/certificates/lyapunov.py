@@ -16,7 +16,7 @@ part as in u: so P' + G^T P + P G, the sum of their products with these matrices
 q V, q < 1, as the unit sphere is compact. V(0) is the square of a norm.
 
 No phase adds up: whatever the number of segments is, u may change as far as P' + G^T P + P G, at the middle of the
-piece a -Q that carried.py chooses, stays below 0. P is made anew by carried.py; what it gives is checked here.
+piece a -Q that choices.py chooses, stays below 0. P is made anew by choices.py; what it gives is checked here.
 
 Its arithmetic is that of balls.py, where all coordinates are those of modes: what G_i may be off counts as well.
 """
@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.certificates.balls import ROUNDING, SPARE, Array, Ball, definite, size, total
-from gearstab.certificates.carried import COARSE, FINE, Carried
+from gearstab.certificates.choices import COARSE, FINE, Carried
 from gearstab.certificates.equations import Flow
 
 

@@ -1,5 +1,5 @@
 """Claims: as numbers of a result, and proved by one of five theorems: 1 and 2 in verifier.py, 3 and 5 in
-multipliers/circle.py, 4 in lyapunov.py.
+circle.py, 4 in lyapunov.py.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
+from gearstab.certificates.counting import Counter
 from gearstab.certificates.equations import Array, Flow
 from gearstab.certificates.lyapunov import decays
-from gearstab.certificates.multipliers.counting import Counter
 from gearstab.certificates.verifier import CARRIED, COUNTED, Certificate, proves
 
 MANY, LONG = 10, 100

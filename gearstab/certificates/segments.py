@@ -7,7 +7,7 @@ import numpy as np
 from gearstab.certificates.equations import Segments
 from gearstab.mesh import speed_factors
 from gearstab.modal import mean_modes
-from gearstab.propagation.schedule import schedule
+from gearstab.propagation.schedule import acting, schedule
 from gearstab.system import Array, GearSystem
 
 ROUNDING = 1e-15
@@ -30,7 +30,7 @@ def segments(system: GearSystem) -> list[Segments]:
     parts = [(False, system.flat(mesh.outer, 2)) for mesh in system.meshes]
     for term in system.terms:
         outer = system.flat(np.asarray(term.left)[..., :, None] * np.asarray(term.right)[..., None, :], 2)
-        parts += [(profile is term.damping, outer) for profile in term.profiles]
+        parts += [(on_velocity, outer) for on_velocity, _ in acting(term)]
     held, following = _speed_terms(system)
     result = []
     for row in range(system.rows):

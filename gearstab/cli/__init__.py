@@ -27,7 +27,7 @@ COMMANDS = {
     "check": ("gearstab.cli.configurations:check_command", "Validate a configuration; list every mistake."),
     "respond": ("gearstab.cli.runs:respond_command", "Compute a time response."),
     "design": ("gearstab.cli.runs:design_command", "Find a design without instability."),
-    "report": ("gearstab.cli.report:command", "Write a report to forward."),
+    "report": ("gearstab.cli.runs:report_command", "Write a report to forward."),
     "verify": ("gearstab.cli.results:verify_command", "Prove the certificates of a result again."),
     "bench": ("gearstab.cli.runs:bench_command", "Compare speed and error of the methods."),
     "export": ("gearstab.cli.results:export_command", "Write a result file as tidy CSV."),

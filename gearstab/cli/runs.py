@@ -1,7 +1,13 @@
-"""``gearstab respond``, ``design`` and ``bench``: a response of one system, a better design, methods compared."""
+"""``gearstab respond``, ``design``, ``bench`` and ``report``.
+
+A response of one system, a better design, methods compared, and what was found out, put on pages, as HTML or PDF.
+"""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -230,8 +236,7 @@ def _scene(loaded: Config, system: GearSystem) -> Scene:
     """The base system and the range of the mesh_frequency axis. Raises ConfigError without such an axis."""
     from gearstab.bench import Scene, without_rigid_modes
     from gearstab.config import ConfigError
-    from gearstab.support import unsupported
-    from gearstab.system import Feature
+    from gearstab.system import Feature, unsupported
 
     axis = next((axis for axis in loaded.axes if axis.name == "mesh_frequency"), None)
     if axis is None:
@@ -261,3 +266,62 @@ def _draw(target: Path) -> None:
         figure, _ = draw(tree, "work-precision")
         save(figure, picture, title=str(tree.attrs["title"]))
     note(f"drawn: {picture}")
+
+
+ENDINGS = (".html", ".pdf")
+
+
+@click.command(name="report", short_help="Write a report to forward.")
+@terminal.config
+@click.option("-o", "--output", type=terminal.FILE, required=True, help="Report: .html or .pdf, one file.")
+@terminal.overrides
+@terminal.unit
+@terminal.quiet
+def report_command(config: Path, output: Path, overrides: tuple[str, ...], unit: tuple[str, ...]) -> None:
+    """Write a page on the instability of CONFIG over its operating range: what it is, what closes it, how sure that is.
+
+    The range is that of the section `design`, whose best design is searched and proposed, else that of the sweep.
+    """
+    from gearstab.cli.report import html
+    from gearstab.cli.report.content import page
+    from gearstab.cli.report.pdf import pdf
+    from gearstab.config import load
+    from gearstab.errors import OutputError
+    from gearstab.results.output import FIGURES, RESULTS, TABLES, Content, write_bytes
+
+    ending = output.suffix.lower()
+    if ending not in ENDINGS:
+        raise OutputError(f"{output}: a report has a name that ends in {' or '.join(ENDINGS)}")
+    others = tuple(name for name in (*TABLES, *FIGURES, *RESULTS) if name not in ENDINGS)
+    content = Content("a report", "/".join(ENDINGS), no_report, others, streams=False)
+    content.refuse(output, config)
+    loaded = load(config, overrides)
+    warn(loaded)
+    with shown() as step:
+        found = page(loaded, step, *unit[-1:])
+    write_bytes(output, memoryview((html if ending == ".html" else pdf)(found)), content.refuse)
+    note(f"report: {output}")
+
+
+@contextmanager
+def shown() -> Iterator[Callable[[str], None]]:
+    """Give the function that shows which step begins: on a bar where standard error is a terminal, else nowhere."""
+    from gearstab.cli.report.content import STEPS
+    from gearstab.sweep.progress import bar
+
+    with bar(disable=is_quiet() or not sys.stderr.isatty()) as progress:
+        task = progress.add_task("report", total=len(STEPS), speed="", unstable="")
+
+        def step(text: str) -> None:
+            done = STEPS.index(text) if text in STEPS else None
+            progress.update(task, description=text, completed=done, refresh=True)
+
+        yield step
+
+
+def no_report(path: Path) -> str:
+    """Return what a file is instead of a report, "" for one."""
+    with open(path, "rb") as file:
+        head = file.read(512)
+    made = b'content="gearstab"' in head if head.startswith(b"<!DOCTYPE html>") else head.startswith(b"%PDF-")
+    return "" if made else "is no report"

@@ -25,7 +25,7 @@ from gearstab.config.document import (
     nearest,
     shown,
 )
-from gearstab.config.document.yaml import parse_value, read
+from gearstab.config.document.yaml import parse_value, read_yaml
 
 if TYPE_CHECKING:
     from gearstab.config.model.fields import ShortName
@@ -174,7 +174,7 @@ def load(
         document = document_of(path, str(source))
     else:
         source = FilePath(path)
-        document = read(source)
+        document = read_yaml(source)
     if not isinstance(document.data, dict):
         code: Code = "empty" if document.data is None else "wrong_type"
         message = "is empty" if code == "empty" else "must be a mapping"

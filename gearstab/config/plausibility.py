@@ -14,7 +14,7 @@ import numpy as np
 
 from gearstab.config.configuration import Config
 from gearstab.config.document import Document, Path, Problem, scalars, sequence, texts, value_at
-from gearstab.config.model import MESH_FREQUENCY, Axis
+from gearstab.config.model import MESH_FREQUENCY
 from gearstab.config.model.reading import quantity, type_at
 from gearstab.config.model.units import to_si
 from gearstab.config.sections import INPUT_SPEED
@@ -79,14 +79,14 @@ def doubts(document: Document, config: Config, system: GearSystem) -> list[Probl
     found = [*_axes(document, config)]
     for path, message, hint in config.system.doubts():
         found.append(document.problem(("system", *path), "unusual", message, hint))
-    known = {*ALWAYS} if not _in_si(document, config, system) else None
+    known = {*ALWAYS} if not _in_si(config, system) else None
     found += _numbers(document, config, known)
     if known is None and not found and (train := config.system.train()) is not None:
         found += _gears(document, config, train)
     return list(dict.fromkeys(found))
 
 
-def _in_si(document: Document, config: Config, system: GearSystem) -> bool:
+def _in_si(config: Config, system: GearSystem) -> bool:
     """Whether the numbers of a model are in SI units, told from stiffnesses that only they have, or from a unit."""
     if "length" in system.dimensionless:
         return False
@@ -244,10 +244,10 @@ def _axes(document: Document, config: Config) -> Iterator[Problem]:
             shown = f"{again:.6g}" if isinstance(again, float) else again
             message = f"has the value {shown} more than once, and points of equal value cannot be told apart"
             yield document.problem(place, "equal_values", message, "give each value once")
-        yield from _ends_and_number(document, axis, place)
+        yield from _ends_and_number(document, place)
 
 
-def _ends_and_number(document: Document, axis: Axis, place: Path) -> Iterator[Problem]:
+def _ends_and_number(document: Document, place: Path) -> Iterator[Problem]:
     given = sequence(document.get(place))
     plain = len(given) == 3 and all(type(value) in (int, float) for value in given)
     if not plain:

@@ -16,8 +16,7 @@ def check(config: Config) -> None:
     from gearstab.design.problem import DesignProblem
     from gearstab.design.quantities import SUPPORTS
     from gearstab.design.search import combinations
-    from gearstab.support import unsupported
-    from gearstab.system import Feature
+    from gearstab.system import Feature, unsupported
 
     if config.design is None:
         return

@@ -12,6 +12,7 @@ from gearstab.config.document import value_at
 from gearstab.config.sections.design import Limit
 from gearstab.design.problem import Batch, DesignProblem
 from gearstab.design.quantities import EXACT, first_order_width, tongue_distance
+from gearstab.grouping import Columns
 from gearstab.system import Array
 
 AT_ONCE = 256
@@ -24,7 +25,7 @@ Goal = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
-class Worth:
+class Worth(Columns):
     """Values of designs ``(rows,)``.
 
     objectives: ``(rows, objectives)``, NaN where a design cannot be built. violation: sum of the relative excesses over
@@ -41,8 +42,12 @@ class Worth:
         distance.
         """
         value = goal(np.where(np.isnan(self.objectives), 0.0, self.objectives)) - self.distance
-        worse = np.where(np.isinf(self.violation), IMPOSSIBLE, VIOLATED * (1 + np.minimum(self.violation, 1e6)))
-        return np.where(self.violation > 0, worse, value)
+        return np.where(self.violation > 0, penalty(self.violation), value)
+
+
+def penalty(violation: Array) -> Array:
+    """Return the scores of designs that violate a constraint by so much, or cannot be built where it is infinite."""
+    return np.where(np.isinf(violation), IMPOSSIBLE, VIOLATED * (1 + np.minimum(violation, 1e6)))
 
 
 class Judge:
@@ -55,16 +60,14 @@ class Judge:
 
     def worth(self, designs: Array) -> Worth:
         """Judge designs ``(rows, variables)``."""
-        parts = [self._part(designs[k : k + AT_ONCE]) for k in range(0, len(designs), AT_ONCE)]
-        found = Worth(*(np.concatenate([getattr(p, name) for p in parts]) for name in Worth.__dataclass_fields__))
+        found = Worth.joined([self._part(designs[k : k + AT_ONCE]) for k in range(0, len(designs), AT_ONCE)])
         self.designs.append(np.array(designs))
         self.worths.append(found)
         return found
 
     def archive(self) -> tuple[Array, Worth]:
         """Everything judged so far."""
-        joined = {name: np.concatenate([getattr(w, name) for w in self.worths]) for name in Worth.__dataclass_fields__}
-        return np.concatenate(self.designs), Worth(**joined)
+        return np.concatenate(self.designs), Worth.joined(self.worths)
 
     def _part(self, designs: Array) -> Worth:
         rows, wanted = len(designs), self.problem.design.objectives
@@ -87,8 +90,7 @@ class Judge:
         for start in range(0, len(designs), AT_ONCE):
             for batch in self.problem.batches(designs[start : start + AT_ONCE]):
                 fault = excess(self.problem, batch, None)
-                worse = np.where(np.isinf(fault), IMPOSSIBLE, VIOLATED * (1 + np.minimum(fault, 1e6)))
-                found[start + batch.members] = np.where(fault > 0, worse, first_order_width(batch))
+                found[start + batch.members] = np.where(fault > 0, penalty(fault), first_order_width(batch))
         return found
 
 

@@ -13,8 +13,7 @@ from gearstab.config.document import value_at
 from gearstab.config.sections import INPUT_SPEED
 from gearstab.config.sections.design import Design, DesignVariable
 from gearstab.errors import NotPossible
-from gearstab.support import whirls
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, whirls
 from gearstab.systems.base import System
 
 GIVEN = np.nan

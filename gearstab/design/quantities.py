@@ -13,8 +13,7 @@ import numpy as np
 from gearstab.design import regions
 from gearstab.design.problem import Batch, Span
 from gearstab.modal import mean_modes
-from gearstab.support import ANY_LINEAR, WHIRLING, unsupported, whirls
-from gearstab.system import Array, Feature, GearSystem
+from gearstab.system import ANY_LINEAR, WHIRLING, Array, Feature, GearSystem, unsupported, whirls
 
 UNIFORM = 48
 """Points over a range at which growth, required damping or response are computed, besides those in regions."""
@@ -41,14 +40,12 @@ def instability_width(batch: Batch) -> Array:
 
 def tongue_distance(batch: Batch) -> Array:
     """The least distance from a region to a range, in the speed that it is given in; the reach where none is found."""
-    found = [_distance(batch.system, span) / span.factor for span in batch.spans]
+    found = []
+    for span in batch.spans:
+        low, high = regions.reach(span.low, span.high)
+        away = regions.exact(batch.system, low, high).distance(span.low, span.high)
+        found.append(np.minimum(away, min(span.low - low, high - span.high)) / span.factor)
     return np.asarray(np.min(found, axis=0))
-
-
-def _distance(system: GearSystem, span: Span) -> Array:
-    low, high = regions.reach(span.low, span.high)
-    away = regions.exact(system, low, high).distance(span.low, span.high)
-    return np.minimum(away, min(span.low - low, high - span.high))
 
 
 def growth_rate(batch: Batch) -> Array:
@@ -83,7 +80,7 @@ def load_factor(batch: Batch) -> Array:
     def value(system: GearSystem, omega: Array) -> Array:
         return load_factor_over(system, omega, lowest)
 
-    return _largest(batch, batch.system, value, regional=False, uniform=STEADY)
+    return _largest(batch, None, value, uniform=STEADY)
 
 
 def load_factor_over(system: GearSystem, omega: Array, lowest: float | None = None) -> Array:
@@ -136,42 +133,34 @@ def transmission_error(batch: Batch) -> Array:
 
 
 def _largest(
-    batch: Batch,
-    regional_of: GearSystem,
-    value: Callable[[GearSystem, Array], Array],
-    regional: bool = True,
-    uniform: int = UNIFORM,
+    batch: Batch, regional: GearSystem | None, value: Callable[[GearSystem, Array], Array], uniform: int = UNIFORM
 ) -> Array:
-    """The largest value over all ranges: at points over each, in each region, and closer and closer around the best."""
-    found = [span.weight * _peak(batch.system, regional_of, span, value, regional, uniform) for span in batch.spans]
+    """The largest value over all ranges: at points over each, in each region, and closer and closer around the best.
+
+    regional: the system whose regions count; None for points over the ranges alone.
+    """
+    found = [span.weight * _peak(batch.system, regional, span, value, uniform) for span in batch.spans]
     return np.asarray(np.max(found, axis=0))
 
 
 def _peak(
-    system: GearSystem,
-    regional_of: GearSystem,
-    span: Span,
-    value: Callable[[GearSystem, Array], Array],
-    regional: bool,
+    system: GearSystem, regional: GearSystem | None, span: Span, value: Callable[[GearSystem, Array], Array],
     uniform: int,
-) -> Array:
-    rows = system.rows
-    omega = np.broadcast_to(np.linspace(span.low, span.high, uniform), (rows, uniform))
-    if regional and not unsupported(regional_of, REGIONS):
-        omega = np.concatenate([omega, _within(regional_of, span)], axis=1)
+) -> Array:  # fmt: skip
+    omega = np.broadcast_to(np.linspace(span.low, span.high, uniform), (system.rows, uniform))
+    if regional is not None and not unsupported(regional, REGIONS):
+        omega = np.concatenate([omega, _within(regional, span)], axis=1)
     omega = np.sort(omega, axis=1)
     values = value(system, omega)
     for _ in range(ZOOMS):
         best = np.argmax(np.where(np.isnan(values), -np.inf, values), axis=1)[:, None]
         left = np.take_along_axis(omega, np.maximum(best - 1, 0), 1)
         right = np.take_along_axis(omega, np.minimum(best + 1, omega.shape[1] - 1), 1)
-        peak = np.take_along_axis(values, best, 1)
-        middle = np.take_along_axis(omega, best, 1)
-        omega = left + (right - left) * np.linspace(0.0, 1.0, INSIDE)
-        values = value(system, omega)
-        omega, values = np.concatenate([omega, middle], axis=1), np.concatenate([values, peak], axis=1)
+        closer = left + (right - left) * np.linspace(0.0, 1.0, INSIDE)
+        found = np.concatenate([value(system, closer), np.take_along_axis(values, best, 1)], axis=1)
+        omega = np.concatenate([closer, np.take_along_axis(omega, best, 1)], axis=1)
         order = np.argsort(omega, axis=1)
-        omega, values = np.take_along_axis(omega, order, 1), np.take_along_axis(values, order, 1)
+        omega, values = np.take_along_axis(omega, order, 1), np.take_along_axis(found, order, 1)
     return np.asarray(np.max(np.where(np.isnan(values), -np.inf, values), axis=1))
 
 

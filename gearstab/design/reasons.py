@@ -22,9 +22,8 @@ from gearstab.design.regions import WEIGHTS, step
 from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED
-from gearstab.support import whirls
 from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, whirls
 from gearstab.waveforms import Rectangular
 
 TOGETHER, AGAINST = 0.9, -0.9

@@ -11,7 +11,7 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.config.model.units import scale
 from gearstab.config.sections.design import objective_name, objective_unit
-from gearstab.design import pareto, search
+from gearstab.design import search
 from gearstab.design.judge import Goal, Judge
 from gearstab.design.problem import DesignProblem, Span
 from gearstab.design.quantities import REGIONS
@@ -19,8 +19,7 @@ from gearstab.design.reasons import allowed, explanation, margins, sensitivities
 from gearstab.design.regions import DesignTongues, phasing, single, tongues
 from gearstab.floquet import solve
 from gearstab.results.display import in_brackets, unit_of
-from gearstab.support import unsupported
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, unsupported
 
 VERIFIED = 2001
 """Mesh frequencies of a range at which the optimum is verified."""
@@ -79,12 +78,12 @@ def solved(problem: DesignProblem, say: Say = lambda text: None) -> Solution:
     front = None
     goal: Goal = search.first
     if len(problem.design.objectives) > 1:
-        designs = pareto.front(problem, judge, say)
+        designs = search.front(problem, judge, say)
         if len(designs) == 0:
             raise _infeasible(problem)
         objectives = judge.worth(designs).objectives
         front = designs, objectives
-        optimum = designs[pareto.compromise(objectives)]
+        optimum = designs[search.compromise(objectives)]
     else:
         optimum = search.best(problem, judge, goal, say)
     final = judge.worth(optimum[None])

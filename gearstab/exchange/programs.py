@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.exchange import Model, linear_model, merged
-from gearstab.exchange.files import dense
+from gearstab.exchange import Model, dense, linear_model, merged
 from gearstab.system import Array
 
 LETTERS = ("x", "y", "z", "alpha", "beta", "theta")

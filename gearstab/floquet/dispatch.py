@@ -30,8 +30,7 @@ from gearstab.floquet.stability import (
     settled,
     solved,
 )
-from gearstab.support import ONLY_MESHES, unsupported
-from gearstab.system import Array, GearSystem
+from gearstab.system import ONLY_MESHES, Array, GearSystem, unsupported
 
 if TYPE_CHECKING:
     from gearstab.floquet.report import Reduction

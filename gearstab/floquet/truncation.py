@@ -9,6 +9,7 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.floquet.frequencies import sample
 from gearstab.modal import eigenmodes, mean_modes
+from gearstab.propagation.schedule import acting
 from gearstab.symmetry import the_symmetry, type_name
 from gearstab.system import Array, GearSystem
 
@@ -91,10 +92,9 @@ def neglected(system: GearSystem, basis: Array) -> float:
     size = first[:, None] * second[None, :]
     phase = (np.arange(PHASES) + 0.5) / PHASES
     for term in system.terms:
-        for profile, unit in ((term.stiffness, 1.0), (term.damping, largest)):
-            if profile is not None:
-                most = unit * float(np.abs(profile.value(phase)).max())
-                coupling += [most * np.outer(term.left, term.right), most * np.outer(term.right, term.left)]
+        for on_velocity, profile in acting(term):
+            most = (largest if on_velocity else 1.0) * float(np.abs(profile.value(phase)).max())
+            coupling += [most * np.outer(term.left, term.right), most * np.outer(term.right, term.left)]
     found = max(float(np.max(np.abs(inner[1].T @ matrix @ outer[1]) / size)) for matrix in coupling)
     return found if found > ROUNDING else 0.0
 

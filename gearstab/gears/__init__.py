@@ -2,7 +2,7 @@
 
 - ``Gear``, ``Pair``, ``Notice`` (geometry, pair): involute geometry; ``pair.contact_ratio``, ``pair.notices``,
   ``pair.pressure_angle``, ``pair.pitch_phase`` and the like.
-- ``PlanetSet``, ``closing_shifts`` (planet_set): a planet between sun and ring, its profile shifts and the lag of its
+- ``PlanetSet``, ``closing_shifts`` (pair): a planet between sun and ring, its profile shifts and the lag of its
   meshes.
 - ``tooth_profile`` (geometry): flank and fillet as cut.
 - ``tooth_compliance``, ``pair_stiffness`` (compliance): of one tooth, of one pair along the path of contact s.

@@ -17,9 +17,8 @@ from gearstab.perturbation import PERTURBATION_FLAGS, first_order, second_order
 from gearstab.perturbation.multiple_scales import partitions
 from gearstab.perturbation.second_order import SUPPORTS
 from gearstab.perturbation.tongues import SELF_EXCITED, overlapping
-from gearstab.support import ANY_LINEAR, unsupported
 from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step, type_names
-from gearstab.system import GearSystem, of_wholes
+from gearstab.system import ANY_LINEAR, GearSystem, of_wholes, unsupported
 from gearstab.waveforms import WAVEFORMS
 
 HARMONICS = 3

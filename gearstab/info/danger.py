@@ -26,9 +26,8 @@ from gearstab.perturbation import remedies
 from gearstab.perturbation.multiple_scales import group_of, modal_rows
 from gearstab.perturbation.remedies import RankedRegion, Ranking, Resonance, rank
 from gearstab.perturbation.tongues import SELF_EXCITED, Tongue
-from gearstab.support import ANY_LINEAR, WHIRLING, unsupported
 from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step, turns
-from gearstab.system import Array, GearSystem
+from gearstab.system import ANY_LINEAR, WHIRLING, Array, GearSystem, unsupported
 
 WORTHWHILE = 0.5
 """A remedy that leaves more than this part of a region is not mentioned."""
@@ -57,16 +56,15 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> DangerousSpeeds
 def judged(config: Config, system: GearSystem, low: float, high: float, harmonics: int) -> JudgedRegions:
     """Return the regions between two mesh frequencies."""
     found = rank(system, low, high, harmonics, MOST, MOST)
-    width, step = high - low, planets_step(system) if found.real_modes else None
-    decided = _decided(system, found, low, high) if verified.decidable(system) else None
+    width, effort = high - low, verified.effort(system)
+    decided = _decided(system, found, low, high) if effort <= verified.AFFORDABLE else None
     if decided is None:
-        opened, closest, looked = [_region(config, system, r, width, step) for r in found.open], found.closest, None
+        opened, closest, looked = [_region(config, system, r, width) for r in found.open], found.closest, None
         count = found.opened
     else:
         rows, closest, looked = decided
-        tried = MOST if verified.effort(system) <= verified.CHEAP else verified.FEW
-        tried = tried if found.real_modes else 0
-        opened = [_open(config, system, *row, (low, high), step, k < tried) for k, row in enumerate(rows[:MOST])]
+        tried = 0 if not found.real_modes else MOST if effort <= verified.CHEAP else verified.FEW
+        opened = [_open(config, system, *row, (low, high), k < tried) for k, row in enumerate(rows[:MOST])]
         count = max(found.opened - len(found.open), 0) + len(rows)
     return JudgedRegions(
         harmonics=found.harmonics,
@@ -76,7 +74,7 @@ def judged(config: Config, system: GearSystem, low: float, high: float, harmonic
         not_judged=_not_judged(system) if found.real_modes else [],
         without_remedies=not found.real_modes,
         open=opened,
-        closest=[_region(config, system, region, width, step) for region in closest[:NEAREST]],
+        closest=[_region(config, system, region, width) for region in closest[:NEAREST]],
         number_open=count,
         number_closed_by_damping=found.closed,
         number_not_excited=found.quiet,
@@ -129,18 +127,10 @@ def _inside(item: OpenRegion, low: float, high: float) -> float:
     return min(item.upper, high) - max(item.lower, low)
 
 
-def planets_step(system: GearSystem) -> tuple[int, int] | None:
-    """Return the number of planets and z of a system to which the existence rule applies."""
-    step = phase_step(system)
-    return None if step is None else (system.symmetries[0].order, step)
-
-
-def _region(
-    config: Config, system: GearSystem, region: RankedRegion, width: float, step: tuple[int, int] | None
-) -> DangerousRegion:
+def _region(config: Config, system: GearSystem, region: RankedRegion, width: float) -> DangerousRegion:
     """A region as first order has it."""
     found = region.amplitudes
-    advice = {} if found is None else _advice(config, system, region.tongue, found, step)
+    advice = {} if found is None else _advice(config, system, region.tongue, found)
     return DangerousRegion.of(
         region.tongue,
         boundary_frequency=None if region.lower != region.lower else [region.lower, region.upper],
@@ -155,7 +145,7 @@ def _region(
 
 def _open(
     config: Config, system: GearSystem, region: OpenRegion, tongue: Tongue, amplitudes: Resonance | None,
-    span: tuple[float, float], step: tuple[int, int] | None, trying: bool,
+    span: tuple[float, float], trying: bool,
 ) -> DangerousRegion:  # fmt: skip
     """An exact region and, where they are tried, the remedies of first order that hold."""
     width, growth = span[1] - span[0], peak(system, region)
@@ -168,14 +158,13 @@ def _open(
         center_frequency=0.5 * (region.lower + region.upper),
         growth_rate=growth,
         threshold=None,
-        closed_by=_tried(config, system, region, growth, tongue, amplitudes, step) if trying else Remedies(),
+        closed_by=_tried(config, system, region, growth, tongue, amplitudes) if trying else Remedies(),
     )
 
 
 def _tried(
-    config: Config, system: GearSystem, region: OpenRegion, growth: float, tongue: Tongue, amplitudes: Resonance | None,
-    step: tuple[int, int] | None,
-) -> Remedies:  # fmt: skip
+    config: Config, system: GearSystem, region: OpenRegion, growth: float, tongue: Tongue, amplitudes: Resonance | None
+) -> Remedies:
     """The remedies of a region that exact search near it confirms; ``refuted`` names the kinds of the others."""
     low, high = verified.window(system, tongue, region.width)
     trial = verified.Trial(config, system, region, growth, tongue, min(low, region.lower), max(high, region.upper))
@@ -186,7 +175,7 @@ def _tried(
         refuted += [] if closed["damping_ratio"] is not None else ["damping_ratio"]
     except NotPossible:
         pass  # no damping ratio belongs to this region
-    advice = _advice(config, system, tongue, amplitudes, step) if amplitudes is not None else {}
+    advice = _advice(config, system, tongue, amplitudes) if amplitudes is not None else {}
     for kind, given in advice.items():
         held = _held(trial, kind, given)
         closed |= held
@@ -218,9 +207,7 @@ def _turned(system: GearSystem, step: int) -> Array:
     return turns(system) * (step - present) / system.symmetries[0].order
 
 
-def _advice(
-    config: Config, system: GearSystem, tongue: Tongue, found: Resonance, step: tuple[int, int] | None
-) -> dict[str, Any]:
+def _advice(config: Config, system: GearSystem, tongue: Tongue, found: Resonance) -> dict[str, Any]:
     """Contact ratios, a phasing or tooth numbers that close a region to first order, those there are."""
     meshes: Any = getattr(config.system, "meshes", None)
     advice: dict[str, Any] = {}
@@ -229,9 +216,10 @@ def _advice(
     if ratios:
         names = {numbers[0]: name for name, numbers in groups.items()}
         advice["contact_ratio"] = {names[i]: ratio for i, ratio in ratios.items()}
-    if step is not None:
-        allowed = _excluding(system, tongue, step[0])
-        return advice | ({"sun_teeth_modulo": {"planets": step[0], "remainders": allowed}} if allowed else {})
+    if phase_step(system) is not None:
+        planets = system.symmetries[0].order
+        allowed = _excluding(system, tongue, planets)
+        return advice | ({"sun_teeth_modulo": {"planets": planets, "remainders": allowed}} if allowed else {})
     best = remedies.phasing(found) if isinstance(meshes, list | tuple) else None
     if (
         best is not None

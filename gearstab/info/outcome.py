@@ -10,7 +10,6 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,7 @@ import numpy as np
 
 from gearstab.errors import RequestError
 from gearstab.methods import METHODS
-from gearstab.results.read import groups_of
+from gearstab.results.read import blocks, groups_of
 from gearstab.results.variables import Flags
 
 if TYPE_CHECKING:
@@ -54,19 +53,9 @@ def outcome(tree: xr.DataTree) -> dict[str, Any]:
     return found | {"flags": flags, "flagged": shares, "regions": regions, "proved": _proved(groups)}
 
 
-def pieces(shape: tuple[int, ...]) -> Iterator[tuple[slice | int, ...]]:
-    """Yield parts of an array of few enough values to be read together, each value once."""
-    if not shape or prod(shape) <= AT_ONCE:
-        yield tuple(slice(None) for _ in shape)
-        return
-    rest = prod(shape[1:])
-    if rest > AT_ONCE:
-        for k in range(shape[0]):
-            yield from ((k, *inner) for inner in pieces(shape[1:]))
-        return
-    step = max(1, AT_ONCE // max(1, rest))
-    for first in range(0, shape[0], step):
-        yield (slice(first, min(shape[0], first + step)), *(slice(None) for _ in shape[1:]))
+def pieces(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
+    """Return parts of an array of few enough values to be read together, each value once."""
+    return blocks(shape, AT_ONCE)
 
 
 def _verdicts(dataset: xr.Dataset) -> dict[str, Any]:

@@ -28,8 +28,10 @@ MANY_TONGUES = 24
 
 def report(facts: dict[str, Any], every: bool = False) -> str:
     """The facts as readable text. every: list all tongues, however many."""
-    parts = [_heading, *((_train,) if facts["train"] else ()), _mesh_table, _mode_table, _reduction_text]
-    texts = [part(facts) for part in parts]
+    texts = [_heading(facts)]
+    if found := facts["train"]:
+        texts += [train.drawing(found), train.teeth(found)]
+    texts += [_mesh_table(facts), _mode_table(facts), _reduction_text(facts)]
     texts.append(danger.text(facts["dangerous"], facts["mean_system"].unstable))
     if not facts["dangerous"].refused:
         texts.append(_tongue_table(facts, every))
@@ -130,10 +132,6 @@ def _mesh_table(facts: dict[str, Any]) -> str:
     ]
     found = table([*header, "highest"], rows)
     return f"{found}\n\n{speeds.weak_teeth(facts['faults'])}" if facts["faults"] else found
-
-
-def _train(facts: dict[str, Any]) -> str:
-    return f"{train.drawing(facts['train'])}\n\n{train.teeth(facts['train'])}"
 
 
 def _gears(names: Sequence[str]) -> dict[str, list[str]]:

@@ -57,11 +57,6 @@ class OpenRegion:
         return self.upper - self.lower
 
 
-def decidable(system: GearSystem) -> bool:
-    """Return whether exact regions of a single system near a tongue take less than some tenths of a second."""
-    return effort(system) <= AFFORDABLE
-
-
 def effort(system: GearSystem) -> float:
     """Return the multiplications of a monodromy matrix; infinite without a common period."""
     period = common_period(system)

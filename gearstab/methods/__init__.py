@@ -1,4 +1,4 @@
-"""The methods of a sweep: a class each, with its section of the configuration; one file and one line in the table.
+"""The methods of a sweep: a class each, with its section of the configuration, and one line in the table.
 
 Nothing here imports numerics before a method runs, as configurations are validated with the methods' options.
 """
@@ -8,15 +8,12 @@ from __future__ import annotations
 from typing import Any
 
 from gearstab.methods.base import POINTS, RANGE, Key, Method, OptionError, Outcome, SampledMethod
-from gearstab.methods.boundaries import BoundaryAnalysis
-from gearstab.methods.branches import BranchAnalysis
+from gearstab.methods.boundaries import BoundaryAnalysis, DampingAnalysis
 from gearstab.methods.floquet import Floquet
 from gearstab.methods.passage import Passage
 from gearstab.methods.perturbation import NaturalFrequencies, Perturbation, Uncoupled
-from gearstab.methods.required_damping import DampingAnalysis
-from gearstab.methods.response import SteadyStateAnalysis
-from gearstab.methods.tolerance import ToleranceAnalysis
-from gearstab.methods.tongue_probability import TongueProbabilityAnalysis
+from gearstab.methods.response import BranchAnalysis, SteadyStateAnalysis
+from gearstab.methods.tolerance import ToleranceAnalysis, TongueProbabilityAnalysis
 from gearstab.system import GearSystem
 
 METHODS: dict[str, type[Method]] = {

@@ -16,8 +16,7 @@ from gearstab.config.model.fields import Quantity, Section, Whole
 from gearstab.config.model.units import wrong
 from gearstab.errors import NotPossible
 from gearstab.results.variables import SIDE, Variable
-from gearstab.support import unsupported
-from gearstab.system import Array, Feature, GearSystem
+from gearstab.system import Array, Feature, GearSystem, unsupported
 
 if TYPE_CHECKING:
     from pathlib import Path as FilePath

@@ -25,8 +25,7 @@ from gearstab.results.variables import (
     Variable,
     flagged,
 )
-from gearstab.support import ANY_LINEAR
-from gearstab.system import Array, Feature, GearSystem
+from gearstab.system import ANY_LINEAR, Array, Feature, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.floquet import FloquetStability

@@ -106,12 +106,6 @@ class PassageOptions(Section):
         """Return the mesh frequency over the quantity of the axis, the rates and the path."""
         return self._factor
 
-    def over(self, factor: float) -> PassageOptions:
-        """Return the options of an axis of which the mesh frequency is a multiple."""
-        other = self.model_copy()
-        other._factor = factor
-        return other
-
 
 class Passage(Method):
     """Growth rates along a path, and the exact motion."""
@@ -182,7 +176,7 @@ class Passage(Method):
             document.put((*place, "path"), knots, where)
             own = validate(document, PassageOptions, place) or options
         speeds = [axis.mesh_frequency for axis in axes if axis.name in SPEEDS]
-        return own.over(speeds[0].factor if speeds and speeds[0] else 1.0)
+        return own.knowing(factor=speeds[0].factor if speeds and speeds[0] else 1.0)
 
     def attributes(self) -> dict[str, Any]:
         """Return the options without the path, which stands in the configuration that the result has."""

@@ -22,8 +22,7 @@ from gearstab.results.variables import (
     Variable,
     flagged,
 )
-from gearstab.support import ANY_LINEAR, WHIRLING, whirls
-from gearstab.system import Array, Feature, GearSystem
+from gearstab.system import ANY_LINEAR, WHIRLING, Array, Feature, GearSystem, whirls
 
 if TYPE_CHECKING:
     from gearstab.perturbation import Tongues

@@ -1,25 +1,43 @@
-"""The probability of instability of a system whose parameters are not known exactly: ``methods.tolerance``."""
+"""The probability of instability of a system whose parameters are not known exactly: ``methods.tolerance``.
+
+Besides, how likely each instability region reaches into a range of speeds: ``methods.tongue_probability``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
 from gearstab.config.document import Code, mapping
 from gearstab.config.model.fields import AnyNumber, Flag, Quantity, Section, Whole
 from gearstab.config.model.units import wrong
 from gearstab.floquet.stability import STATUS_FLAGS
-from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, UncertainSpeed, flat
-from gearstab.methods.boundaries import BoundaryAnalysis
+from gearstab.methods.base import RANGE, Method, Outcome, SampledMethod, Tolerance, UncertainSpeed, WidthFloor, flat
+from gearstab.methods.boundaries import BoundariesOptions, BoundaryAnalysis
 from gearstab.methods.floquet import Floquet, FloquetOptions
-from gearstab.results.variables import PROBABILITY, SOBOL, Flags, Variable, flagged
+from gearstab.results.variables import (
+    OCCURRENCE,
+    PROBABILITY,
+    SAMPLED,
+    SOBOL,
+    TONGUE,
+    TONGUE_PROBABILITY,
+    Flags,
+    Variable,
+    flagged,
+)
 from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
+    from pathlib import Path as FilePath
+
+    from gearstab.config.document import Document
+    from gearstab.config.model import Axis
     from gearstab.tolerance import SamplingDesign
 
 ROW = 512
@@ -162,7 +180,7 @@ class ToleranceAnalysis(SampledMethod):
 
     def run(self, mesh_frequency: Array) -> Outcome:
         """Compute a batch ``(rows, samples)``, the samples of a row in the order of the design."""
-        from gearstab.tolerance import estimates
+        from gearstab.tolerance import probability, sobol_indices
 
         inner = self.inner.of(self.system)
         found = inner.run(mesh_frequency).values
@@ -172,12 +190,12 @@ class ToleranceAnalysis(SampledMethod):
         unstable, failed = verdict == 0, verdict < 0
         if not failed.any():
             failed = np.zeros((1,) * verdict.ndim, dtype=bool)
-        middle, lower, upper = estimates.probability(unstable, failed, self.design)
+        middle, lower, upper = probability(unstable, failed, self.design)
         status = np.bitwise_or.reduce(found["status"].reshape(-1, self.design.size, count), axis=1)
         values = {"probability": middle, "probability_lower": lower, "probability_upper": upper, "status": status}
         if self.indices:
             names = ("sobol_first", "sobol_total", "sobol_first_interval", "sobol_total_interval")
-            values |= dict(zip(names, estimates.sobol_indices(unstable, self.design), strict=True))
+            values |= dict(zip(names, sobol_indices(unstable, self.design), strict=True))
         return Outcome(values)
 
     def integrated(self, present: Array, speed: UncertainSpeed, factor: float) -> Outcome:
@@ -186,13 +204,13 @@ class ToleranceAnalysis(SampledMethod):
         P(unstable) = E sum_k [F(b_k) - F(a_k)], over the regions a_k to b_k of a sample, F being the distribution of
         the mesh frequency. Edges are off by their tolerance at most, and regions narrower than it are left out.
         """
-        from gearstab.tolerance import estimates
+        from gearstab.tolerance import mean_of_chances
 
         system = self.system
         found = []
         for chances in _chances(system, present, speed, factor):
             samples = np.moveaxis(chances.reshape(-1, *self.design.shape, chances.shape[-1]), -1, 1)
-            found.append(estimates.mean_of_chances(samples, self.design))
+            found.append(mean_of_chances(samples, self.design))
         middle, lower, upper = (one[0] if self.alone else one[k] for k, one in enumerate(found))
         soft = np.any([np.broadcast_to(mesh.lowest_stiffness <= 0, system.batch) for mesh in system.meshes], axis=0)
         flags = np.where(soft.reshape(-1, self.design.size).any(axis=1), STATUS_FLAGS["negative_stiffness"], 0)
@@ -253,3 +271,108 @@ def _chances(system: GearSystem, present: Array, speed: UncertainSpeed, factor: 
         chances = np.zeros((found.rows, present.shape[-1]))
         np.add.at(chances, found.row, np.maximum(upper - lower, 0.0))
         yield np.minimum(chances, 1.0)
+
+
+class TongueProbabilityOptions(Section):
+    """Probability that each region reaches into the range of speeds, of the distributions of methods.tolerance."""
+
+    samples: Annotated[int, Field(ge=16, le=1_000_000), Whole] = 256
+    """Systems of which all regions are found; a few more for even numbers."""
+    seed: Annotated[int, Field(ge=0, le=2**32), Whole] = 0
+    """Seed of the samples."""
+    tolerance: Tolerance = 1e-6
+    """Error of the edges of the regions, relative to the mesh frequency (1)."""
+    width_floor: WidthFloor = 1e-6
+    """Regions narrower than this, relative to it, count as none (1)."""
+    _parameters: int = PrivateAttr(default=0)
+
+    @property
+    def parameters(self) -> int:
+        """Return the number of uncertain parameters."""
+        return self._parameters
+
+
+class TongueProbabilityAnalysis(SampledMethod):
+    """Exact boundaries of samples of the system, and which share of them has each region."""
+
+    name = "tongue_probability"
+    Options = TongueProbabilityOptions
+    frequency = RANGE
+    relief = "ask for fewer samples, or narrow the range of mesh_frequency"
+
+    @cached_property
+    def design(self) -> SamplingDesign:
+        """Samples that are drawn, the same for all systems."""
+        from gearstab.tolerance import SamplingDesign
+
+        groups = tuple(range(self.options.parameters))
+        return SamplingDesign.of(groups, self.options.samples, False, self.options.seed)
+
+    @cached_property
+    def inner(self) -> BoundaryAnalysis:
+        """The method that finds the regions of a sample."""
+        options = BoundariesOptions(tolerance=self.options.tolerance, width_floor=self.options.width_floor)
+        return BoundaryAnalysis(options, self.system)
+
+    @classmethod
+    def over_range(cls, options: TongueProbabilityOptions) -> str:
+        return "into which regions may reach"
+
+    @classmethod
+    def completed(
+        cls, options: TongueProbabilityOptions, document: Document, source: FilePath, axes: Sequence[Axis]
+    ) -> TongueProbabilityOptions:
+        parameters = document.get(("methods", "tolerance", "parameters"))
+        if parameters:
+            return options.knowing(parameters=len(parameters))
+        remedy = "add tolerance: {parameters: {..}} to methods"
+        path = ("methods", cls.name)
+        document.report(path, "needs_other", "takes its distributions from methods.tolerance", remedy, at_key=True)
+        return options
+
+    def variables(self) -> tuple[Variable, ...]:
+        from gearstab.tolerance import probability
+
+        # What is said of a region that no sample of a block has: 0 to the upper end for none.
+        none = np.zeros(self.design.shape, dtype=bool)
+        ends = probability(none, np.zeros((1, 1, 1), dtype=bool), self.design)
+        table = [replace(v, missing=float(end)) for v, end in zip(TONGUE_PROBABILITY, ends, strict=True)]
+        return (*TONGUE, OCCURRENCE, *table, *SAMPLED)
+
+    def portions(self, rows: int, points: int) -> Iterable[slice]:  # type: ignore[override]
+        """All rows together: regions of different portions would have to be united."""
+        return [slice(0, rows)]
+
+    def run(self, mesh_frequency: Array) -> Outcome:
+        """Compute a batch ``(rows, samples)``, the samples of a row in the order of the design."""
+        from gearstab.floquet.boundaries import boundaries
+        from gearstab.tolerance import probability
+
+        start, stop = (float(end) for end in mesh_frequency)
+        found = boundaries(self.system, start, stop, self.options.tolerance, self.options.width_floor)
+        edges = found.arranged()
+        touching = np.isfinite(edges.boundary_frequency).any(axis=1)
+        samples = touching.reshape(len(edges.index), -1, *self.design.shape)
+        names = ("tongue_probability", "tongue_probability_lower", "tongue_probability_upper")
+        shares = probability(samples, np.zeros((1,) * samples.ndim, dtype=bool), self.design)
+        step, coarse = (own.reshape(-1, self.design.size) for own in (found.sampled_step, found.coarse))
+        search = {"sampled_step": step.max(axis=1), "coarse": coarse.sum(axis=1)}
+        return Outcome(dict(zip(names, shares, strict=True)) | search, edges.index)
+
+    def once(self) -> tuple[Method, int]:
+        return self.inner, self.design.size
+
+    def cost(self) -> float:
+        return self.design.size * self.inner.cost()
+
+    def report(self) -> Mapping[str, Any]:
+        return {"samples_drawn": self.design.size, "scrambles": self.design.shape[0]}
+
+    def check(self) -> None:
+        self.inner.check()
+
+    def of(self, system: GearSystem) -> Method:
+        """Return the same for other systems; the design goes along."""
+        other = type(self)(self.options, system)
+        other.__dict__["design"] = self.design
+        return other

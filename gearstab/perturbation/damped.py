@@ -22,6 +22,8 @@ The derivation is that of Lin & Parker 2002, (13)-(16), with the viscous terms k
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from gearstab.system import Array
@@ -118,6 +120,26 @@ def _sides(p: int, matrix: Array) -> Array:
     return np.where(np.arange(matrix.shape[-1]) < p, -1.0, 1.0)
 
 
+def outermost(points: Array, unstable: Array, grows: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Return the outermost edges of growth, ``(rows,)`` each, found from ascending detunings ``(K, rows)``.
+
+    unstable: ``(K, rows)``, where there is growth; grows: tells it at any detunings ``(rows,)``.
+    """
+    each, end = np.arange(unstable.shape[1]), len(points) - 1
+    first, last = np.argmax(unstable, axis=0), end - np.argmax(unstable[::-1], axis=0)
+    lower = edge(points[first, each], points[np.maximum(first - 1, 0), each], grows)
+    return lower, edge(points[last, each], points[np.minimum(last + 1, end), each], grows)
+
+
+def edge(inside: Array, outside: Array, grows: Callable[[Array], Array]) -> Array:
+    """Return where growth ends between detunings with and without it, ``(rows,)``."""
+    for _ in range(BISECTIONS):
+        half = 0.5 * (inside + outside)
+        there = grows(half)
+        inside, outside = np.where(there, half, inside), np.where(there, outside, half)
+    return np.asarray(0.5 * (inside + outside))
+
+
 def _hermitian(coupling: Array, damping_p: Array, damping_q: Array) -> Array:
     adjoint = np.conj(np.swapaxes(coupling, -1, -2))
     return np.block([[-damping_p, 0.5j * coupling], [-0.5j * adjoint, -damping_q]])
@@ -148,11 +170,7 @@ def _definite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Arra
     each = np.arange(len(marks))
     low, high = middles[each, last], middles[each, np.minimum(last + 1, middles.shape[1] - 1)]
     low = np.where(last == 0, 0.0, low)
-    for _ in range(BISECTIONS):
-        half = 0.5 * (low + high)
-        inside = growth(half, *parts) > 0
-        low, high = np.where(inside, half, low), np.where(inside, high, half)
-    width[ratio > 1] = 0.5 * (low + high)
+    width[ratio > 1] = edge(low, high, lambda sigma: growth(sigma, *parts) > 0)
     return width, threshold
 
 

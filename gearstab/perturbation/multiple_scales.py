@@ -23,8 +23,7 @@ from gearstab.perturbation.tongues import harmonics as harmonics_of_terms
 from gearstab.perturbation.unsymmetric import decaying
 from gearstab.perturbation.unsymmetric import groups as unsymmetric_groups
 from gearstab.perturbation.whirling import whirling_rows
-from gearstab.support import whirls
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, whirls
 
 EQUAL_FREQUENCY = 1e-8
 """Natural frequencies that differ by less than this part count as equal. An eigensolver splits a repeated frequency by

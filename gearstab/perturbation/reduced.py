@@ -33,11 +33,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.grouping import Columns
-from gearstab.perturbation.damped import single_pair, undamped
+from gearstab.perturbation.damped import BISECTIONS, outermost, single_pair, undamped
 from gearstab.system import Array
 
-HALVINGS = 60
-"""Halvings of a bracket: enough for the last bit of a double."""
 DEFECTIVE = 1e-6
 """Where two equal real x meet, rounding parts them by the square root of the rounding error, 1e-8 of the matrix."""
 INSIDE = 10.0 ** -np.arange(3.0, 10.0)
@@ -201,7 +199,7 @@ def _first_meeting(own: Array, other: Array, coupling: Array) -> Array:
     low, high = np.zeros(reach.shape), reach + np.where(reach > 0, 0.0, 1.0)
     top = values[..., -1]
     largest = np.zeros(reach.shape)
-    for _ in range(HALVINGS):
+    for _ in range(BISECTIONS):
         step = 0.5 * (low + high)
         gap = step[..., None] + (top[..., None] - values)
         moved = other + adjoint(turned) @ (turned / gap[..., None])
@@ -264,16 +262,12 @@ def _outermost(problem: Reduced, lower: Array, upper: Array, floor: Array) -> tu
 
     floor: the growth that counts as instability.
     """
+
+    def grows(sigma: Array) -> Array:
+        return _growth(problem, sigma) > floor
+
     points = lower + (upper - lower) * ((np.arange(SAMPLES + 2) - 0.5) / SAMPLES)[:, None]
-    unstable = np.stack([_growth(problem, point) > floor for point in points])
-    each, any_ = np.arange(unstable.shape[1]), unstable.any(axis=0)
-    first, last = np.argmax(unstable, axis=0), len(points) - 1 - np.argmax(unstable[::-1], axis=0)
-    found = []
-    for inner, outer in ((first, np.maximum(first - 1, 0)), (last, np.minimum(last + 1, len(points) - 1))):
-        inside, outside = points[inner, each], points[outer, each]
-        for _ in range(HALVINGS):
-            half = 0.5 * (inside + outside)
-            grows = _growth(problem, half) > floor
-            inside, outside = np.where(grows, half, inside), np.where(grows, outside, half)
-        found.append(np.where(any_, 0.5 * (inside + outside), np.nan))
-    return found[0], found[1]
+    unstable = np.stack([grows(point) for point in points])
+    first, last = outermost(points, unstable, grows)
+    some = unstable.any(axis=0)
+    return np.where(some, first, np.nan), np.where(some, last, np.nan)

@@ -32,8 +32,7 @@ from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation.damped import growth
 from gearstab.perturbation.multiple_scales import ModalQuantities, block, first_order, group_of, modal_rows
 from gearstab.perturbation.tongues import ParametricExcitation, Tongue, Tongues, sharing
-from gearstab.support import whirls
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, whirls
 
 VANISHING = 1e-9
 """A harmonic below this part of the present one has vanished but for rounding."""

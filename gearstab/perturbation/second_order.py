@@ -12,8 +12,7 @@ from gearstab.perturbation.multiple_scales import Group, ModalQuantities, first_
 from gearstab.perturbation.reduced import Reduced, adjoint, edges, second_threshold
 from gearstab.perturbation.response import Pairs, limit, nearest_resonance, second_order_coupling
 from gearstab.perturbation.tongues import ParametricExcitation, Tongues, excitations, products
-from gearstab.support import unsupported
-from gearstab.system import Array, Feature, GearSystem
+from gearstab.system import Array, Feature, GearSystem, unsupported
 
 SUPPORTS = frozenset({Feature.IRRATIONAL_RATIO})
 """The features of systems that second order takes."""

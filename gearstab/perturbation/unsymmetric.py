@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.perturbation.damped import BISECTIONS, crossings, group_pair, largest_rate
+from gearstab.perturbation.damped import crossings, group_pair, largest_rate, outermost
 from gearstab.system import Array
 
 ROUNDING = 1e-12
@@ -144,17 +144,7 @@ class _Damped:
         """The outermost detunings of growth, of rows in which there is some."""
         matrix = self.matrix(np.ones(len(self.parts[0])))
         middles, unstable = self.unstable(np.ones(len(matrix)))
-        each, last = np.arange(len(matrix)), unstable.shape[1] - 1
-        first, final = np.argmax(unstable, axis=1), last - np.argmax(unstable[:, ::-1], axis=1)
-        found = []
-        for inner, outer in ((first, np.maximum(first - 1, 0)), (final, np.minimum(final + 1, last))):
-            inside, outside = middles[each, inner], middles[each, outer]
-            for _ in range(BISECTIONS):
-                half = 0.5 * (inside + outside)
-                grows = largest_rate(half, matrix, self.p) > 0
-                inside, outside = np.where(grows, half, inside), np.where(grows, outside, half)
-            found.append(0.5 * (inside + outside))
-        return found[0], found[1]
+        return outermost(middles.T, unstable.T, lambda sigma: largest_rate(sigma, matrix, self.p) > 0)
 
     def thresholds(self) -> Array:
         """The factor on G and H at which growth at some detuning begins, below 1 where there is some without a factor.

@@ -32,6 +32,7 @@ from gearstab.perturbation.tongues import ParametricExcitation
 from gearstab.perturbation.tongues import harmonics as harmonics_of_terms
 from gearstab.perturbation.unsymmetric import groups
 from gearstab.propagation.elastic import ElasticRows, mean_levels, single_rows
+from gearstab.propagation.schedule import acting
 from gearstab.roots import RootBrackets, narrowed
 from gearstab.system import Array, GearSystem
 
@@ -206,11 +207,10 @@ class MeanRow:
         of_terms = {j: own for j, *own in harmonics_of_terms(system, force.ratio, row)}
         number = len(system.meshes)
         for j, term in enumerate(system.terms):
-            for profile, place in ((term.stiffness, 0), (term.damping, 1)):
-                if profile is not None:
-                    if j in of_terms:
-                        found.append((complex(of_terms[j][place][0]), matrices[number]))
-                    number += 1
+            for on_velocity, _ in acting(term):
+                if j in of_terms:
+                    found.append((complex(of_terms[j][on_velocity][0]), matrices[number]))
+                number += 1
         return found
 
 

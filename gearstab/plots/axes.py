@@ -222,6 +222,13 @@ def units_of(data: xr.DataArray) -> str:
     return units
 
 
+def held(tree: xr.DataTree, name: str, what: str) -> xr.Dataset:
+    """A group of a result. Raises PlotError, in which it is called ``what``, for a result without it."""
+    if name not in tree.children:
+        raise PlotError(f"this result holds no {what}; it holds {listed(tree.children)}")
+    return tree[name].to_dataset()
+
+
 def group_of(tree: xr.DataTree, name: str) -> xr.Dataset:
     """A group of the result, empty where it has none of that name."""
     return tree[name].to_dataset() if name in tree.children else xr.Dataset()

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import mesh_numbers
+from gearstab.plots.axes import held, mesh_numbers
 from gearstab.plots.drawing.style import GROWTH, LINE, SHADE, new_figure, new_panels, write_legend, write_title
 from gearstab.plots.drawing.text import axis_label, bracketed, fitted, path_words, plain, short_label, tongue_label
 from gearstab.plots.kinds import Contents, Kind
@@ -28,9 +28,7 @@ GIVEN, OPTIMUM = "#8a8a8a", "#0b6fa4"
 
 def design_of(tree: xr.DataTree) -> xr.Dataset:
     """Return the group of a design result. Raises PlotError for other results."""
-    if NAME not in tree.children:
-        raise PlotError(f"this result holds no design; it holds {listed(tree.children)}")
-    return tree[NAME].to_dataset()
+    return held(tree, NAME, "design")
 
 
 def label_of(tree: xr.DataTree, data: xr.Dataset, variable: str) -> str:

@@ -23,7 +23,7 @@ a double exponent of zero, which rounding makes grow.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,7 @@ import numpy as np
 from gearstab.grouping import equal_rows
 from gearstab.mesh import SpeedTerm, speed_factor_slopes, speed_factors
 from gearstab.modal import mean_modes
+from gearstab.propagation.schedule import acting
 from gearstab.system import Array, GearSystem
 
 UNDAMPED = 1e-11
@@ -75,21 +76,13 @@ class ModalMatrices:
         parts = [(False, deflection[:, i, :, None] * deflection[:, i, None, :]) for i in range(len(system.meshes))]
         for term in system.terms:
             u, v = (np.einsum("rnp,rn->rp", shapes, system.flat(end, 1)) for end in (term.left, term.right))
-            kinds = [on for on, profile in enumerate((term.stiffness, term.damping)) if profile is not None]
-            parts += [(bool(on), u[:, :, None] * v[:, None, :]) for on in kinds]
+            parts += [(on_velocity, u[:, :, None] * v[:, None, :]) for on_velocity, _ in acting(term)]
         static = back @ system.flat(system.stiffness, 2) @ shapes
-        by_rotation = [
-            [
-                replace(
-                    term,
-                    matrix=back @ system.flat(term.matrix, 2) @ shapes,
-                    speed=system.flat(term.speed),
-                    softening=system.flat(term.softening),
-                )
-                for term in rotation.terms()
-            ]
-            for rotation in system.rotations
-        ]
+
+        def modal(matrix: Array) -> Array:
+            return back @ system.flat(matrix, 2) @ shapes
+
+        by_rotation = [_each(rotation.terms(), modal, system.flat) for rotation in system.rotations]
         turning = [term for own in by_rotation for term in own]
         felt, drift = [term.matrix for term in turning if not term.on_velocity], []
         if felt and rigid.any():
@@ -104,18 +97,11 @@ class ModalMatrices:
         """Some of the rows, by position."""
         parts = [(on_velocity, matrix[index]) for on_velocity, matrix in self.parts]
         own = {name: getattr(self, name)[index] for name in ("shapes", "squared", "rate", "rigid", "static", "damping")}
-        turning, drift = (
-            [
-                replace(
-                    term,
-                    matrix=term.matrix[index],
-                    speed=np.asarray(term.speed)[index],
-                    softening=np.asarray(term.softening)[index],
-                )
-                for term in terms
-            ]
-            for terms in (self.turning, self.drift)
-        )
+
+        def taken(values: Array) -> Array:
+            return values[index]
+
+        turning, drift = (_each(terms, taken, taken) for terms in (self.turning, self.drift))
         return replace(self, parts=parts, turning=turning, drift=drift, **own)
 
     def dissipative(self) -> list[Array]:
@@ -128,9 +114,7 @@ class ModalMatrices:
         back = np.swapaxes(turn, -1, -2)
         own = {name: back @ getattr(self, name) @ turn for name in ("static", "damping")}
         parts = [(on_velocity, back @ matrix @ turn) for on_velocity, matrix in self.parts]
-        turning, drift = (
-            [replace(term, matrix=back @ term.matrix @ turn) for term in terms] for terms in (self.turning, self.drift)
-        )
+        turning, drift = (_each(terms, lambda matrix: back @ matrix @ turn) for terms in (self.turning, self.drift))
         return replace(self, shapes=self.shapes @ turn, parts=parts, turning=turning, drift=drift, **own)
 
     @property
@@ -191,6 +175,21 @@ class ModalMatrices:
         return replace(
             found, by_speed=by_speed, laws=np.stack(laws, axis=1), by_rate=sum(rates, np.zeros((len(rows), m, m)))
         )
+
+
+def _each(
+    terms: Iterable[SpeedTerm], matrix: Callable[[Array], Array], number: Callable[[Array], Array] = np.asarray
+) -> list[SpeedTerm]:
+    """Terms with a function of their matrices, and one of their speeds and softenings."""
+    return [
+        replace(
+            term,
+            matrix=matrix(term.matrix),
+            speed=number(np.asarray(term.speed)),
+            softening=number(np.asarray(term.softening)),
+        )
+        for term in terms
+    ]
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -233,7 +234,7 @@ def followed(points: SteadyPoints, q: int, x: Array, fractions: Array) -> tuple[
     """The states ``(X, m)`` of one operating point at ascending fractions of interval ``q``, and that at its end, from
     x ``(m,)`` at its beginning; NaN where the motion outgrew double precision.
     """
-    basis, momentary = points.basis, _quickly(_Momentary(points, q))
+    basis, momentary = points.basis, _quickly(partial(_momentary, points, q))
     scale = float(np.diff(points.edges[0, q : q + 2])[0] * points.period[0])
     generators = np.concatenate([basis.constant, basis.parts[0]]).reshape(-1, len(x))
     count = 1 + basis.parts.shape[1]
@@ -258,26 +259,19 @@ def followed(points: SteadyPoints, q: int, x: Array, fractions: Array) -> tuple[
     return found[:-1], found[-1]
 
 
-@dataclass(frozen=True)
-class _Momentary:
+def _momentary(points: SteadyPoints, q: int, fractions: Array) -> Array:
     """Return the functions that vary in an interval: 1, the functions in A, then the force on x, ``(X, 1 + J + m)`` at
     fractions.
     """
-
-    points: SteadyPoints
-    q: int
-
-    def __call__(self, fractions: Array) -> Array:
-        points, drive = self.points, self.points.excitation
-        begin, end = points.edges[0, self.q : self.q + 2]
-        tau = begin + (end - begin) * np.clip(fractions, INSIDE, 1.0 - INSIDE)
-        values = drive.varying(tau[None])[0]
-        constant, rates = points.equation.forces(values[:, None])
-        force = (constant[:, 0] + points.omega[0] * rates[0]) @ drive.z(tau)[..., None]
-        return np.concatenate([np.ones((len(tau), 1)), drive.split(values)[1], force[..., 0]], axis=1)
+    drive, (begin, end) = points.excitation, points.edges[0, q : q + 2]
+    tau = begin + (end - begin) * np.clip(fractions, INSIDE, 1.0 - INSIDE)
+    values = drive.varying(tau[None])[0]
+    constant, rates = points.equation.forces(values[:, None])
+    force = (constant[:, 0] + points.omega[0] * rates[0]) @ drive.z(tau)[..., None]
+    return np.concatenate([np.ones((len(tau), 1)), drive.split(values)[1], force[..., 0]], axis=1)
 
 
-def _quickly(momentary: _Momentary) -> Callable[[Array], Array]:
+def _quickly(momentary: Callable[[Array], Array]) -> Callable[[Array], Array]:
     """The same by polynomials of Chebyshev, which take a fifth of the time, where these are as exact."""
     for degree in DEGREES:
         k = np.arange(degree)

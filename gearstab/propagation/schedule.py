@@ -9,6 +9,7 @@ from math import prod
 
 import numpy as np
 
+from gearstab.mesh import PeriodicTerm
 from gearstab.system import Array, GearSystem
 from gearstab.waveforms import Profile, Waveform
 
@@ -44,6 +45,12 @@ def sources(system: GearSystem, counts: Sequence[float]) -> tuple[Source, ...]:
     for term, count in zip(system.terms, counts[meshes:], strict=True):
         found += [Source(profile, count, np.asarray(term.lag), zero, one) for profile in term.profiles]
     return tuple(found)
+
+
+def acting(term: PeriodicTerm) -> list[tuple[bool, Profile]]:
+    """Return the functions of a term in their order, each with whether it acts on velocities."""
+    every = ((False, term.stiffness), (True, term.damping))
+    return [(on_velocity, profile) for on_velocity, profile in every if profile is not None]
 
 
 @dataclass(frozen=True)

@@ -206,9 +206,7 @@ def assembled(
         energy = np.einsum("si,si->s", v @ system.mass, v) + np.einsum("si,si->s", q @ system.stiffness, q)
         energy = 0.5 * (energy + np.einsum("si,si->s", force, deflection - errors))
         force, deflection = of_wholes(force, system.wholes), deflection[:, : len(system.whole_meshes)]
-    kept = len(q)
-    if not all(np.isfinite(part).all() for part in (q, v, energy)):
-        kept = int(np.argmin(np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1) & np.isfinite(energy)))
+    kept = finite(q, v, energy)
     growth = float(np.ravel(solve(system.undriven(), np.array([omega])).growth_rate)[0])
     flags = RESPONSE_FLAGS["overflow"] * (kept < len(q)) | RESPONSE_FLAGS["unstable"] * (growth > 0)
     flags |= RESPONSE_FLAGS["separation"] * bool(np.any(separated(force[:kept], static_mesh_force(system))))
@@ -224,6 +222,12 @@ def assembled(
         growth_rate=growth,
         flags=flags,
     )
+
+
+def finite(*parts: Array) -> int:
+    """Count the samples before the first one that is not finite in parts ``(samples, ...)``."""
+    sound = np.all([np.isfinite(part).all(axis=tuple(range(1, part.ndim))) for part in parts], axis=0)
+    return len(sound) if sound.all() else int(np.argmin(sound))
 
 
 def separated(force: Array, static: Array) -> Array:
@@ -302,7 +306,7 @@ def ramp_response(
     if steps > MOST_STEPS:
         remedy = "raise the rate, or narrow the range of speeds"
         raise NotPossible(f"the ramp takes {steps:.2g} steps of integration, more than {MOST_STEPS:.2g}", remedy)
-    time = np.arange(int(np.floor(path.time[-1] / step * (1 + 1e-12))) + 1) * step
+    time = np.arange(samples_until(path.time[-1], step)) * step
     q0, v0 = (static_equilibrium(system), np.zeros(system.size)) if start is None else start
     with np.errstate(over="ignore", invalid="ignore"):
         form = equation.form
@@ -312,8 +316,7 @@ def ramp_response(
         stiffness, errors = equation.momentary(path.phase_at(time) / equation.period)
         whole = len(system.whole_meshes)
         force = of_wholes(stiffness * (deflection - errors), system.wholes)
-    finite = np.isfinite(force).all(axis=1) & np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
-    kept = len(time) if finite.all() else int(np.argmin(finite))
+    kept = finite(q, v, force)
     flags = RESPONSE_FLAGS["overflow"] * (kept < len(time))
     flags |= RESPONSE_FLAGS["separation"] * bool(np.any(separated(force[:kept], static_mesh_force(system))))
     speed = path.speed_at(time)

@@ -14,6 +14,7 @@ import numpy as np
 from gearstab.gears.mesh_stiffness import StiffnessModel
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import load_shares, root_stress
+from gearstab.grouping import Columns
 from gearstab.response.panels import CURVES, Readings, extremes
 from gearstab.response.steady import SteadyStart
 from gearstab.system import Array, GearSystem
@@ -194,7 +195,7 @@ def _stress_of_unit_load(pair: Pair, travelled: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(Columns):
     """Values of all meshes, ``(rows, meshes)`` each; NaN for waves of which the contact ratio c is not known.
 
     begin: phase from which on the fewest pairs carry, until the end of the mesh period: c - floor(c).

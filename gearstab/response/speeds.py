@@ -92,8 +92,7 @@ def speed_response(
     status = np.zeros(omega.shape, dtype=np.int16)
     held = ConnectionForces.empty(system, omega.shape) if connected else None
     for row, column, begin in starts(system, omega, tolerance, samples_per_cycle):
-        part = Contact(pairs.begin[row], pairs.pairs[row], pairs.lag[row])
-        meshes = _MeshMeter(begin, part, static.shape[1])
+        meshes = _MeshMeter(begin, pairs.chosen(row), static.shape[1])
         loads = None if held is None else ForceMeter(system, begin)
         with np.errstate(over="ignore", invalid="ignore"):
             _follow(begin, samples_per_cycle, meshes, loads)

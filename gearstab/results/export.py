@@ -9,7 +9,7 @@ import csv
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import compress, product
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ import numpy as np
 from gearstab.errors import ResultError, listed
 from gearstab.results.display import OF_MESH, in_display_units, in_speeds, number_of
 from gearstab.results.output import FIGURES, OTHERS, RESULTS, Content, writing
-from gearstab.results.read import reading
+from gearstab.results.read import blocks, reading
 from gearstab.results.variables.responses import every_variable
 
 if TYPE_CHECKING:
@@ -249,19 +249,6 @@ def pieces(dataset: xr.Dataset, dims: Sequence[str]) -> Iterator[xr.Dataset]:
         part = dataset.isel(dict(zip(dims, region, strict=True))).load()
         for block in blocks([part.sizes[dim] for dim in dims], ROWS_AT_ONCE):
             yield part.isel(dict(zip(dims, block, strict=True)))
-
-
-def blocks(shape: Sequence[int], most: int) -> Iterator[tuple[slice, ...]]:
-    """Slices that run over an array in order, with at most about so many points each."""
-    lengths, left = [1] * len(shape), most
-    for k in reversed(range(len(shape))):
-        lengths[k] = max(1, min(shape[k], left))
-        left //= lengths[k]
-        if lengths[k] < shape[k]:
-            break
-    ranges = [range(0, n, step) for n, step in zip(shape, lengths, strict=True)]
-    for start in product(*ranges):
-        yield tuple(slice(s, s + step) for s, step in zip(start, lengths, strict=True))
 
 
 def flat(part: xr.Dataset, dims: Sequence[str], name: str) -> list[Any]:

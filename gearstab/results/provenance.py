@@ -15,9 +15,8 @@ from gearstab.modal import Modes
 from gearstab.results.display import RATIOS, in_units_of
 from gearstab.results.tree import Group, fields_of
 from gearstab.results.variables import DEFLECTION_TYPE, MODES, MODES_OVER_SPEED, MODES_WITH_TERMS, Variable
-from gearstab.support import whirls
 from gearstab.symmetry import deflection_types, natural_modes, type_names
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, whirls
 from gearstab.version import __version__
 
 

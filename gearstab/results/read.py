@@ -6,9 +6,10 @@ import io
 import os
 import stat
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache, partial
+from itertools import product
 from math import ceil, prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -249,3 +250,16 @@ def result_of(command: str | None) -> Content:
     """Return what a command writes as its result, which may replace an earlier one of the same command only."""
     wrong = (*TABLES, *FIGURES, *OTHERS)
     return Content("a result", ".h5", partial(fault, command), wrong, streams=False, instead=INSTEAD)
+
+
+def blocks(shape: Sequence[int], most: int) -> Iterator[tuple[slice, ...]]:
+    """Slices that run over an array in order, with at most about so many points each."""
+    lengths, left = [1] * len(shape), most
+    for k in reversed(range(len(shape))):
+        lengths[k] = max(1, min(shape[k], left))
+        left //= lengths[k]
+        if lengths[k] < shape[k]:
+            break
+    ranges = [range(0, max(1, n), step) for n, step in zip(shape, lengths, strict=True)]
+    for start in product(*ranges):
+        yield tuple(slice(s, s + step) for s, step in zip(start, lengths, strict=True))

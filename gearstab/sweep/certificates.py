@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gearstab.certificates.covering import claimed
 from gearstab.certificates.equations import Flow, Segments, flow
-from gearstab.certificates.making import claimed
 from gearstab.certificates.proof import Proof, unpacked
 from gearstab.certificates.segments import segments
 from gearstab.certificates.shares import around_edges, union_length

@@ -37,7 +37,7 @@ def compute(plan: Plan, block: GridBlock, taken: Outcome | None = None) -> Finis
         assert found is not None
         row, part = known_rows(known, plan.inner(layout), len(columns))
         outcomes.append(Piece(np.flatnonzero(row), np.flatnonzero(part), found))
-    values, tongues = joined(plan, layout, outcomes, (count, len(columns)))
+    values, tongues = joined(layout, outcomes, (count, len(columns)))
     return _encoded(plan, layout, block, values, tongues)
 
 
@@ -153,9 +153,7 @@ def varied(rows: Mapping[str, Array]) -> dict[str, Array]:
     return {name: index[0] if len(index) > 1 and (index == index[0]).all() else index for name, index in rows.items()}
 
 
-def joined(
-    plan: Plan, layout: Layout, pieces: Sequence[Piece], shape: tuple[int, int]
-) -> tuple[dict[str, Array], tuple[Key, ...]]:
+def joined(layout: Layout, pieces: Sequence[Piece], shape: tuple[int, int]) -> tuple[dict[str, Array], tuple[Key, ...]]:
     """The results of all pieces as arrays over all rows: ``(rows, P, ...)`` over points, else ``(..., rows)``.
 
     shape: of a block, rows and P.

@@ -38,7 +38,7 @@ def extended(plan: Plan, path: Path) -> tuple[Plan, list[str]]:
     Raises ResultError where the file is no result that was computed in the same way, or has nothing to take over.
     """
     before = identity(path)
-    found = _checked(path, plan)
+    found = _checked(path)
     old = _configuration(path, found, plan.config)
     _refuse_another_grid(path, old, plan)
     places, words = {}, []
@@ -63,7 +63,7 @@ def _refused(path: Path, reason: str) -> ResultError:
     return ResultError(f"{path}: cannot be extended: {reason}")
 
 
-def _checked(path: Path, plan: Plan) -> dict[str, str]:
+def _checked(path: Path) -> dict[str, str]:
     """The attributes of an unchanged result of a sweep by this program."""
     whole = is_sealed(path)
     if whole is False:  # not even opened, as HDF5 may read a damaged file for ever

@@ -11,7 +11,15 @@ from pydantic import Field
 
 from gearstab.config.document import Document, Path, sequence
 from gearstab.config.model import Axis, Grid
-from gearstab.config.model.conflicts import Conflict, items, plain_number, repeated_names, within, within_each
+from gearstab.config.model.conflicts import (
+    Conflict,
+    at_most_one,
+    items,
+    plain_number,
+    repeated_names,
+    within,
+    within_each,
+)
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section, optional
 from gearstab.config.model.reading import told
 from gearstab.system import Array, GearSystem
@@ -172,8 +180,7 @@ class System(Section):
 
     def conflicts(self) -> Iterator[Conflict]:
         """Yield the contradictions in the section."""
-        if self.damping_ratio is not None and self.damping is not None:
-            yield ("damping",), "already_given", "damping_ratio is given already", "keep one of damping_ratio, damping"
+        yield from at_most_one(self, ("damping_ratio", "damping"))
         yield from within(self, "damping", lambda damping: damping.conflicts(told(self.size)))
         yield from within_each(self, "meshes", self.mesh_conflicts)
         yield from repeated_names(self, "meshes", "mesh")

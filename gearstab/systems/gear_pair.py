@@ -13,7 +13,7 @@ from pydantic import Field
 from gearstab import rotating_pair
 from gearstab.config.document import Document
 from gearstab.config.model import Axis
-from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
+from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one, wrong_length
 from gearstab.config.model.fields import (
     Choice,
     Inertia,
@@ -172,10 +172,8 @@ class RotatingGearPair(System):
             message = "both stiffnesses are given and positive"
             yield ("allow_negative_stiffness",), "not_applicable", message, "remove it"
         yield from known(self._softer())
-        if self.module is not None and self.radii is not None:
-            yield ("radii",), "already_given", "module is given already", "keep one of module, radii"
-            return
-        if self.radii is None:
+        yield from at_most_one(self, ("module", "radii"))
+        if self.radii is None or self.module is not None:
             return
         (r1, r2), (n1, n2) = self.radii, self.teeth
         if not isclose(r1 * n2, r2 * n1, rel_tol=1e-6):

@@ -256,8 +256,8 @@ class Matrices(System):
             meshes.append(build_mesh(mesh, vector(mesh.direction), mesh.frequency_ratio, lag))
         names = tuple(self.coordinates or default_names(mass.shape[-1]))
         stiffness, terms = _parts("circulatory", "stiffness", self.stiffness)
-        damping = self.damping
-        if damping is not None and damping.matrix is not None:
+        damping = self.damping or Damping()
+        if damping.matrix is not None:
             symmetric, gyroscopic = _parts("gyroscopic", "damping", damping.matrix)
             damping, terms = damping.model_copy(update={"matrix": symmetric}), terms + gyroscopic
         units = tuple(self.coordinate_units or ("m",))

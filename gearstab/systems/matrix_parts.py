@@ -232,10 +232,11 @@ class Term(Section):
 
     def conflicts(self, size: int | None) -> Iterator[Conflict]:
         """A stiffness or a damping, and vectors of the size of the system that are not zero."""
-        if self.stiffness is None and self.damping is None:
+        parts = ("stiffness", "damping")
+        if all(self[key] is None for key in parts):
             hint = "add stiffness: {mean: ..}, or damping: {mean: ..}"
             yield (), "missing", "has neither stiffness nor damping", hint
-        for key in ("stiffness", "damping"):
+        for key in parts:
             yield from within(self, key, lambda part: part.conflicts())
         for key in ("left", "right"):
             yield from no_direction(self, key, size, "let the term act on at least one coordinate")

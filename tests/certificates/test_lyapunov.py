@@ -15,7 +15,7 @@ from test_verifier import SYSTEMS, at, edge, meissner, multipliers, turning
 
 from gearstab.certificates import lyapunov
 from gearstab.certificates.balls import definite
-from gearstab.certificates.carried import Carried
+from gearstab.certificates.choices import Carried
 from gearstab.certificates.equations import flow
 from gearstab.certificates.lyapunov import decays
 from gearstab.certificates.proof import Proof

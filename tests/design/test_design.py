@@ -14,11 +14,10 @@ from scenes import TRAIN, opened, ran, read, refused, scene_text, succeeds, writ
 
 from gearstab.config import Config
 from gearstab.design.judge import Judge
-from gearstab.design.pareto import nondominated, thinned
 from gearstab.design.problem import DesignProblem
 from gearstab.design.reasons import margins, sensitivities
 from gearstab.design.regions import tongues, united
-from gearstab.design.search import first
+from gearstab.design.search import first, nondominated, thinned
 from gearstab.errors import PlotError
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries

@@ -17,9 +17,8 @@ import pytest
 from matplotlib.figure import Figure
 from scenes import CONFIGS, TRAIN, ran, scene_text, succeeds, written
 
-from gearstab.cli.report import facts
+from gearstab.cli.report import BulletList, Heading, Page, Picture, Table, Text, facts, html
 from gearstab.cli.report.content import page
-from gearstab.cli.report.page import BulletList, Heading, Page, Picture, Table, Text, html
 from gearstab.cli.report.pdf import MARGIN, PAPER, pdf, sheets
 from gearstab.config import load
 from gearstab.floquet import frequencies, solve

@@ -12,8 +12,7 @@ from scipy.optimize import brentq
 
 from gearstab.errors import NotPossible
 from gearstab.gears.geometry import Gear
-from gearstab.gears.pair import Pair
-from gearstab.gears.planet_set import PlanetSet, closing_shifts, halfway
+from gearstab.gears.pair import Pair, PlanetSet, closing_shifts, halfway
 
 ALPHA = np.deg2rad(20.0)
 BODIES = ("sun", "planet", "ring")

@@ -20,8 +20,7 @@ from gearstab.config.schema import commented, schema
 from gearstab.design.quantities import EXACT, SUPPORTS
 from gearstab.mesh import Mesh, PeriodicTerm
 from gearstab.methods import METHODS, Method, OptionError, Outcome
-from gearstab.support import ANY_LINEAR, unsupported
-from gearstab.system import Feature, GearSystem
+from gearstab.system import ANY_LINEAR, Feature, GearSystem, unsupported
 from gearstab.systems import KINDS, build
 from gearstab.systems.base import Start, System
 from gearstab.systems.forcing import with_damping

@@ -11,8 +11,7 @@ from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.boundaries.damped import search
 from gearstab.mesh import Mesh
 from gearstab.modal import modal_damping_matrix
-from gearstab.passage import STATUS_FLAGS, excess, passage
-from gearstab.passage.adiabatic import gains, growth_over_speed
+from gearstab.passage import STATUS_FLAGS, excess, gains, growth_over_speed, passage
 from gearstab.propagation.path import Path
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular

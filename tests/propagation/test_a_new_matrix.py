@@ -26,8 +26,7 @@ from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PhaseEquation
 from gearstab.response import driven_response, ramp_response, steady_state
 from gearstab.response.steady import start
-from gearstab.support import unsupported
-from gearstab.system import Feature, GearSystem
+from gearstab.system import Feature, GearSystem, unsupported
 from gearstab.waveforms import Constant, Fourier, Trapezoidal
 
 Array = np.ndarray

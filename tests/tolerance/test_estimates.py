@@ -5,8 +5,7 @@ import pytest
 from scipy import stats
 from scipy.special import ndtr, ndtri
 
-from gearstab.tolerance import SCRAMBLES, SamplingDesign, estimates
-from gearstab.tolerance.estimates import mean_of_chances, probability, sobol_indices
+from gearstab.tolerance import SCRAMBLES, SamplingDesign, _jackknife, mean_of_chances, probability, sobol_indices
 
 NOTHING = np.zeros((1, 1, 1), dtype=bool)
 
@@ -178,4 +177,4 @@ def test_the_jackknife_of_a_mean_is_students_interval(seed: int) -> None:
     without = tuple(np.delete(values, k, axis=0).mean(axis=0) for k in range(SCRAMBLES))
     interval = stats.t.interval(0.95, SCRAMBLES - 1, values.mean(axis=0), stats.sem(values, axis=0))
     # Rounding of a sum of a few squares.
-    np.testing.assert_allclose(estimates._jackknife(without), 0.5 * (interval[1] - interval[0]), rtol=1e-12)
+    np.testing.assert_allclose(_jackknife(without), 0.5 * (interval[1] - interval[0]), rtol=1e-12)

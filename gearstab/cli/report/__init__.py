@@ -1,71 +1,127 @@
-"""``gearstab report``: what was found out, put on pages, as HTML or PDF."""
+"""Parts of a report, and the report as one HTML file with its pictures embedded."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from string import Template
+from typing import TYPE_CHECKING
 
-import click
+from gearstab.plots.drawing.style import metadata, style
 
-from gearstab.cli import terminal
-from gearstab.cli.terminal import is_quiet, note, warn
-
-ENDINGS = (".html", ".pdf")
-
-
-@click.command(name="report", short_help="Write a report to forward.")
-@terminal.config
-@click.option("-o", "--output", type=terminal.FILE, required=True, help="Report: .html or .pdf, one file.")
-@terminal.overrides
-@terminal.unit
-@terminal.quiet
-def command(config: Path, output: Path, overrides: tuple[str, ...], unit: tuple[str, ...]) -> None:
-    """Write a page on the instability of CONFIG over its operating range: what it is, what closes it, how sure that is.
-
-    The range is that of the section `design`, whose best design is searched and proposed, else that of the sweep.
-    """
-    from gearstab.cli.report.content import page
-    from gearstab.cli.report.page import html
-    from gearstab.cli.report.pdf import pdf
-    from gearstab.config import load
-    from gearstab.errors import OutputError
-    from gearstab.results.output import FIGURES, RESULTS, TABLES, Content, write_bytes
-
-    ending = output.suffix.lower()
-    if ending not in ENDINGS:
-        raise OutputError(f"{output}: a report has a name that ends in {' or '.join(ENDINGS)}")
-    others = tuple(name for name in (*TABLES, *FIGURES, *RESULTS) if name not in ENDINGS)
-    content = Content("a report", "/".join(ENDINGS), no_report, others, streams=False)
-    content.refuse(output, config)
-    loaded = load(config, overrides)
-    warn(loaded)
-    with shown() as step:
-        found = page(loaded, step, *unit[-1:])
-    write_bytes(output, memoryview((html if ending == ".html" else pdf)(found)), content.refuse)
-    note(f"report: {output}")
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-@contextmanager
-def shown() -> Iterator[Callable[[str], None]]:
-    """Give the function that shows which step begins: on a bar where standard error is a terminal, else nowhere."""
-    from gearstab.cli.report.content import STEPS
-    from gearstab.sweep.progress import bar
+@dataclass(frozen=True)
+class Heading:
+    """The title of a section."""
 
-    with bar(disable=is_quiet() or not sys.stderr.isatty()) as progress:
-        task = progress.add_task("report", total=len(STEPS), speed="", unstable="")
-
-        def step(text: str) -> None:
-            done = STEPS.index(text) if text in STEPS else None
-            progress.update(task, description=text, completed=done, refresh=True)
-
-        yield step
+    text: str
 
 
-def no_report(path: Path) -> str:
-    """Return what a file is instead of a report, "" for one."""
-    with open(path, "rb") as file:
-        head = file.read(512)
-    made = b'content="gearstab"' in head if head.startswith(b"<!DOCTYPE html>") else head.startswith(b"%PDF-")
-    return "" if made else "is no report"
+@dataclass(frozen=True)
+class Text:
+    """A paragraph; ``strong`` for a verdict."""
+
+    text: str
+    strong: bool = False
+
+
+@dataclass(frozen=True)
+class BulletList:
+    """A list of short statements."""
+
+    items: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under headings."""
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure and what it shows."""
+
+    figure: Figure
+    caption: str
+
+
+Block = Heading | Text | BulletList | Table | Picture
+
+
+@dataclass(frozen=True)
+class Page:
+    """A report: its title and its blocks in order."""
+
+    title: str
+    blocks: Sequence[Block]
+
+
+PAGE = Template("""\
+<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="generator" content="gearstab">
+<title>$title</title>
+<style>
+body { font: 16px/1.45 Georgia, "Times New Roman", serif; color: #1a1a1a; }
+body { max-width: 60em; margin: 2em auto; padding: 0 1em; }
+h1 { font-size: 1.6em; line-height: 1.2; } h2 { font-size: 1.2em; margin-top: 2em; border-bottom: 1px solid #bbb; }
+table { border-collapse: collapse; margin: 1em 0; font-size: 0.9em; }
+th, td { border-bottom: 1px solid #ddd; padding: 0.3em 0.8em 0.3em 0; text-align: left; vertical-align: top; }
+figure { margin: 1.5em 0; } img { max-width: 100%; height: auto; }
+figcaption { font-size: 0.9em; color: #444; } .strong { font-weight: bold; }
+@media print { body { margin: 0; max-width: none; } h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
+</style>
+</head>
+<body>
+<h1>$title</h1>
+$body
+</body>
+</html>
+""")
+RESOLUTION = 160
+"""Dots per inch of pictures."""
+
+
+def html(page: Page) -> bytes:
+    """Return the file."""
+    body = "\n".join(_block(block) for block in page.blocks)
+    return PAGE.substitute(title=escape(page.title), body=body).encode()
+
+
+def _block(block: Block) -> str:
+    match block:
+        case Heading(text):
+            return f"<h2>{escape(text)}</h2>"
+        case Text(text, strong):
+            return f'<p class="strong">{escape(text)}</p>' if strong else f"<p>{escape(text)}</p>"
+        case BulletList(items):
+            return "<ul>\n" + "\n".join(f"<li>{escape(item)}</li>" for item in items) + "\n</ul>"
+        case Table(header, rows):
+            head = [_row(header, "th")] if any(header) else []
+            return "<table>\n" + "\n".join([*head, *(_row(row, "td") for row in rows)]) + "\n</table>"
+        case Picture(_, caption):
+            words = escape(caption)
+            return f'<figure><img src="{_data(block)}" alt="{words}"><figcaption>{words}</figcaption></figure>'
+
+
+def _row(cells: Sequence[str], tag: str) -> str:
+    return "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"
+
+
+def _data(picture: Picture) -> str:
+    data = io.BytesIO()
+    with style():
+        picture.figure.savefig(data, format="png", dpi=RESOLUTION, metadata=metadata(".png", picture.caption))
+    return "data:image/png;base64," + base64.b64encode(data.getvalue()).decode()

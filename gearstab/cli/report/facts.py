@@ -32,10 +32,9 @@ from gearstab.response.speeds import force_bounds, speed_response
 from gearstab.response.steady import STATUS_FLAGS
 from gearstab.results import open_result
 from gearstab.results.display import unit_of
-from gearstab.support import whirls
 from gearstab.sweep import plan, run
 from gearstab.symmetry import natural_modes
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, whirls
 
 SPEEDS, BEYOND = 801, 101
 """Speeds of a range, and beyond either end of all ranges, at which growth rates are computed."""
@@ -155,7 +154,7 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
         real = tuple((a, b, _label(a, b, members, rows.values())) for a, b, members in edges)
     else:
         real = tuple((item.lower, item.upper, item.label) for item in rows.values() if item.open)
-    open_ = tuple(item for item in real if _touches(item[0], item[1], spans))
+    open_ = tuple(item for item in real if any(item[0] < span.high and item[1] > span.low for span in spans))
     away = [(min(max(a - s.high, s.low - b) for s in spans), label) for a, b, label in real]
     outside = min(((d, label) for d, label in away if d > 0), default=None)
     return State(
@@ -195,10 +194,6 @@ def _certified(config: Config, system: GearSystem, found: Boundaries) -> str:
     ends = np.array([(piece.low, piece.high) for piece in pieces]).reshape(-1, 2)
     covered, widest = union_length(ends, start, stop)
     return said(np.array([covered / (stop - start)]), np.array([widest]), around_edges(edges, ends, start, stop))
-
-
-def _touches(lower: float, upper: float, spans: Sequence[Span]) -> bool:
-    return any(lower < span.high and upper > span.low for span in spans)
 
 
 def _label(lower: float, upper: float, members: Sequence[Tongue], rows: Iterable[Reach]) -> str:

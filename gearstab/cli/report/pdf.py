@@ -17,7 +17,7 @@ from matplotlib.image import imread
 from matplotlib.lines import Line2D
 from matplotlib.textpath import text_to_path
 
-from gearstab.cli.report.page import Block, BulletList, Heading, Page, Picture, Table, Text
+from gearstab.cli.report import Block, BulletList, Heading, Page, Picture, Table, Text
 from gearstab.plots.drawing.style import metadata, style
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ TAGS = ("str", "null", "bool", "int", "float", "timestamp")
 """Tags of scalars; what is no number stays the text it is."""
 
 
-def read(path: FilePath) -> Document:
+def read_yaml(path: FilePath) -> Document:
     """Read a configuration file.
 
     Raises ConfigError for a file that is missing, unreadable, no text or no YAML 1.2.

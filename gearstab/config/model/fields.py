@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
     AfterValidator,
@@ -273,6 +273,13 @@ class Section(BaseModel):
             return getattr(self, name)
         except AttributeError:
             raise KeyError(name) from None
+
+    def knowing(self, **found: Any) -> Self:
+        """Return the same with what other sections and files say of it, as private attributes of these names."""
+        other = self.model_copy()
+        for name, value in found.items():
+            setattr(other, f"_{name}", value)
+        return other
 
 
 @dataclass(frozen=True)

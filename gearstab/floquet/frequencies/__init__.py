@@ -22,8 +22,7 @@ from gearstab.errors import NotPossible
 from gearstab.floquet.segments.pattern import Pattern, prepare, window
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
 from gearstab.mesh import Mesh, PeriodicTerm
-from gearstab.support import ONLY_MESHES, unsupported
-from gearstab.system import Array, GearSystem
+from gearstab.system import ONLY_MESHES, Array, GearSystem, unsupported
 from gearstab.waveforms import Profile
 
 COMMON_PERIOD, PER_MESH, LYAPUNOV = "common_period", "per_mesh", "lyapunov"

@@ -28,8 +28,7 @@ from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.steps import CF6_5
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
 from gearstab.propagation.magnus import StepControl
-from gearstab.support import ONLY_MESHES, require
-from gearstab.system import Array, GearSystem
+from gearstab.system import ONLY_MESHES, Array, GearSystem, require
 
 BURN_IN = 0.21421356
 """Part of the window in which the vectors turn towards the fastest solution; it does not count. Parts of what is left

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.general.exact import ExactRows, PeriodGrowth, alike_rows, exact_rows, joined
+from gearstab.floquet.general.exact import ROUNDING, ExactRows, PeriodGrowth, alike_rows, exact_rows, joined
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES, Succession
 from gearstab.floquet.smooth.control import rectangles
 from gearstab.floquet.smooth.steps import CF6_5, Scheme, exponentials, in_steps
@@ -42,8 +42,6 @@ FEWEST = 8
 """Steps per cycle of a function at least: below, differences do not yet fall as those of sixth order."""
 SAFETY = 4.0
 """The estimate is this times |difference| / (2^6 - 1), the remainder of a method of order six that has converged."""
-ROUNDING = 3e-16
-"""Relative error of an exponential, by which the estimate is never smaller than that of all of them."""
 SLIVER = 1e-13
 """Part of the common period below which an interval is a rounding error: nothing varies in it."""
 ENTRIES_AT_ONCE = 2**22

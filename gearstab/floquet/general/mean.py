@@ -240,11 +240,6 @@ class MeanMotions:
         """``(rows, n)``, whether a motion grows by itself."""
         return self.growth_rate > 0
 
-    @property
-    def frequency_by_mode(self) -> Array:
-        """``(rows, n)``, the frequencies in the order of the modes of the symmetric mean system."""
-        return np.take_along_axis(self.frequency, np.argsort(self.mode, axis=1), 1)
-
 
 def mean_motions(system: GearSystem, mesh_frequency: Array | float = 0.0) -> MeanMotions:
     """Return the motions of the mean system of every row of the flattened batch: one eigenproblem each.
@@ -262,7 +257,10 @@ def frequencies_beyond_modes(system: GearSystem) -> Array | None:
     """``(rows, n)``: damped natural frequencies of the whole mean system in the order of the modes of its symmetric
     part; None where that is all of it but for symmetric damping, so that its modes tell the natural frequencies.
     """
-    return None if in_modes(system) else mean_motions(system).frequency_by_mode
+    if in_modes(system):
+        return None
+    found = mean_motions(system)
+    return np.take_along_axis(found.frequency, np.argsort(found.mode, axis=1), 1)
 
 
 def _row(own: ElasticRows, level: Array, speed: float, size: int) -> tuple[Array, Array, Array]:

@@ -183,7 +183,7 @@ def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | No
         in_threads(part, len(which), 10.0 * len(chain.states) * m**3, limit)
         return found
 
-    by_vectors = chain.sound[row] & (growth >= 0) & too_many(m)
+    by_vectors = chain.sound[row] & (growth >= 0) & (m * (m + 1) // 2 > UNKNOWNS)
     plain, left = np.flatnonzero(chain.sound[row] & ~by_vectors), np.flatnonzero(by_vectors)
     radius[plain] = proved(plain, np.empty(0), False)
     if len(left):
@@ -226,11 +226,6 @@ def settings(chain: Chain) -> tuple[float | int, ...]:
     largest = LARGEST if chain.slope is None else FARTHEST
     numbers = (PART, LONGEST, PIECES, chain.rounding, largest, LEAST, NEGLIGIBLE)
     return (*numbers, BISECTIONS, DOUBLINGS, UNKNOWNS, 2 * FARTHEST * SECURE)
-
-
-def too_many(size: int) -> bool:
-    """Whether a linear system for P of this order is too large to be set up."""
-    return size * (size + 1) // 2 > UNKNOWNS
 
 
 def stein(matrix: Array, loss: Array) -> Array:

@@ -17,12 +17,11 @@ from gearstab import ckernel
 from gearstab.floquet.segments.pattern import Pattern, Succession
 from gearstab.mesh import speed_factors
 from gearstab.propagation.first_order import FirstOrder
+from gearstab.propagation.segment import ILL_CONDITIONED
 from gearstab.system import Array
 
 SYMMETRIC = 1e-14
 """Part of the largest entry by which symmetric matrices may depart from symmetry."""
-ILL_CONDITIONED = 1e4
-"""cond(X) above which diagonalisation would cost more than four of sixteen digits."""
 
 
 @dataclass(frozen=True)

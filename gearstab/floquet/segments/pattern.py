@@ -20,8 +20,7 @@ from gearstab.grouping import equal_rows
 from gearstab.mesh import Mesh
 from gearstab.modal import symmetric_eigen
 from gearstab.propagation.schedule import Functions, sources
-from gearstab.support import ONLY_MESHES, require
-from gearstab.system import Array, GearSystem
+from gearstab.system import ONLY_MESHES, Array, GearSystem, require
 
 SHORTEST = 2e-15
 """Segments shorter than this part of the common period are rounding errors of coinciding jumps; leaving one out

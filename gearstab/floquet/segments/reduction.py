@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from gearstab.grouping import equal_rows
+from gearstab.grouping import Columns, equal_rows
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 
@@ -65,7 +65,7 @@ class Elastic:
     @property
     def damping_matrix(self) -> Array:
         """``(r, n, n)``, C after the shift."""
-        return np.zeros_like(self.static) if self.damping is None else self.damping
+        return np.zeros_like(self.static) if self.conservative else np.asarray(self.damping)
 
     @property
     def held(self) -> int:
@@ -141,11 +141,11 @@ def reduce(system: GearSystem) -> Iterator[Elastic]:
         none, free = np.zeros(len(members)), np.zeros((len(members), 0, elastic.shape[1]))
         still = np.zeros((len(members), 2 * rigid_at.shape[1]))
         base = Elastic(members, rate[members], inner, directions, None, none, still, free, stacked)
-        yield base if drag is None else _with_damping(base, drag.subset(members), elastic, rigid_at, int(key[1]))
+        yield base if drag is None else _with_damping(base, drag.chosen(members), elastic, rigid_at, int(key[1]))
 
 
 @dataclass(frozen=True)
-class _Damping:
+class _Damping(Columns):
     """Damping in modal coordinates, those of rigid-body modes turned so that as few as possible are damped.
 
     matrix: ``(r, n, n)``. held: ``(r, n)``, which rigid-body modes damping acts on. noise: ``(r,)``, what of the
@@ -156,9 +156,6 @@ class _Damping:
     held: Array
     noise: Array
     coupled: Array
-
-    def subset(self, index: Array) -> _Damping:
-        return _Damping(*(getattr(self, f.name)[index] for f in fields(self)))
 
 
 def _damping(shapes: Array, physical: Array, rigid: Array) -> _Damping:

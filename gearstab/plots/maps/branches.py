@@ -1,4 +1,5 @@
-"""Natural frequencies in a Campbell diagram, the instability regions rooted at their sums, and numbered orders.
+"""Natural frequencies in a Campbell diagram, the instability regions rooted at their sums, their marks, and
+numbered orders.
 
 Frequencies are followed by their shapes over a parameter, or by the sense of their orbits over the speed of rotation.
 """
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import PathCollection
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from scipy.optimize import linear_sum_assignment
@@ -355,3 +356,55 @@ def _corners(middle: Array, half: Array) -> Array:
     """Nine points of a box, so that one of its own size that meets it holds one of them."""
     ways = np.array([-1.0, 0.0, 1.0])
     return np.asarray(middle + half * np.stack(np.meshgrid(ways, ways), axis=-1).reshape(-1, 2))
+
+
+FAINT = "#a0a0a0"
+SIZES = (2.2, 4.0)
+"""Size of a mark, in points: for a line, and for a region from WIDE of the frame on."""
+WIDE = 0.03
+
+
+class Marks:
+    """Places of regions of one mode and of two, ``(x, y, size)``, and lines that join the frequencies of two."""
+
+    def __init__(self) -> None:
+        self.one: list[tuple[float, float, float]] = []
+        self.two: list[tuple[float, float, float]] = []
+        self.joints: list[Any] = []
+
+    def add(self, region: Region, x: float, y: Array, width: float) -> None:
+        """Mark a region at the mean of its two natural frequencies y; width: its part of the frame."""
+        size = SIZES[0] + (SIZES[1] - SIZES[0]) * min(max(width, 0.0) / WIDE, 1.0)
+        (self.one if region.p == region.q else self.two).append((x, float(y.mean()), size))
+        if y[0] != y[-1]:
+            self.joints.append([(x, y[0]), (x, y[-1])])
+
+    def draw(self, ax: Axes, faint: bool) -> dict[str, PathCollection]:
+        """Draw them; by sort, none of a sort that there is none of."""
+        if not faint:
+            lines = LineCollection(self.joints, colors=UNSTABLE, linewidths=0.5, linestyles=":", zorder=1.7)
+            ax.add_collection(lines, autolim=False)
+        drawn = {}
+        for sort, places in (("one", self.one), ("two", self.two)):
+            if places:
+                x, y, size = np.transpose(places)
+                face, edge = ("white", FAINT) if faint else (UNSTABLE, LINE)
+                drawn[sort] = ax.scatter(
+                    x, y, (0.8 if faint else 1.0) * size**2, marker=MARKERS[sort], facecolor=face, edgecolor=edge,
+                    linewidth=0.5 if faint else 0.3, zorder=1.8 if faint else 3,
+                )  # fmt: skip
+        return drawn
+
+
+MARKERS = {"one": "o", "two": "D"}
+
+
+def spot(sort: str, faint: bool, words: str) -> Line2D:
+    """The entry of a mark in a legend."""
+    face, edge = ("white", FAINT) if faint else (UNSTABLE, LINE)
+    # The frequencies of two modes are joined by dots.
+    return Line2D(
+        [], [], color=UNSTABLE, linestyle=":" if sort == "two" and not faint else "none", linewidth=0.5,
+        marker=MARKERS[sort], markersize=SIZES[1], markerfacecolor=face, markeredgecolor=edge, markeredgewidth=0.5,
+        label=words,
+    )  # fmt: skip

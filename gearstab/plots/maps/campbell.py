@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -38,7 +38,7 @@ from gearstab.plots.drawing.style import (
 from gearstab.plots.drawing.text import bracketed, plain, tongue_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import branches
-from gearstab.plots.maps.branches import Region, WhirlCurves, draw_order, number_orders, order_colour
+from gearstab.plots.maps.branches import Region
 from gearstab.plots.view import MOST_PANELS, TALL, Request, View, arrangement, caption, some, view_along
 from gearstab.results.display import RATIOS, SPEEDS
 
@@ -49,12 +49,9 @@ ORDERS = 6
 """Half orders of a mesh that are drawn at the most: 0.5, 1, ... 3 times its frequency."""
 AIR = 1.22
 """The frame over the highest natural frequency that an order reaches."""
-FAINT, GREY = "#a0a0a0", "#5f5f5f"
+GREY = "#5f5f5f"
 MOST_CLOSED = 60
 """Closed regions of two modes are not marked where there are more of them."""
-SIZES = (2.2, 4.0)
-"""Size of a mark, in points: for a line, and for a region from WIDE of the frame on."""
-WIDE = 0.03
 TOGETHER = 1e-6, 0.005, 0.01, 0.02, 0.04
 """Natural frequencies closer than this part of the frame have one name: the first with which all names find room."""
 KILOHERTZ = 2000.0
@@ -95,13 +92,6 @@ def frequency_unit(tree: xr.DataTree, speed: FigureAxis | None, top: float) -> t
     return ("kHz", 2000 * pi) if top >= KILOHERTZ * 2 * pi or speed.units == "kHz" else ("Hz", 2 * pi)
 
 
-def fixed_speed(tree: xr.DataTree, view: View, speed: FigureAxis | None) -> float | None:
-    """The mesh frequency that was selected beside another axis, rad per unit time."""
-    if speed is None or speed.name not in view.fixed or not speed.factor:
-        return None
-    return float(speed.positions[view.fixed[speed.name]] * speed.factor)
-
-
 def mesh_ratios(tree: xr.DataTree, regions: list[Region]) -> dict[float, list[str]]:
     """Frequency over the mesh frequency -> names of the meshes that have it."""
     modes, found = group_of(tree, "modes"), dict[float, list[str]]()
@@ -123,7 +113,7 @@ class Panel:
     def __init__(self, tree: xr.DataTree, view: View, speed: FigureAxis | None) -> None:
         self.tree, self.view = tree, view
         self.parameter = None if view.speed is not None else view.x
-        self.whirl = WhirlCurves.read(tree, view, speed)
+        self.whirl = branches.WhirlCurves.read(tree, view, speed)
         if self.whirl is not None:
             self.modes = self.whirl.frequency
             self.branches = np.tile(np.arange(self.modes.shape[1]), (len(self.modes), 1))
@@ -133,7 +123,10 @@ class Panel:
             self.branches = branches.read_branches(tree, view, self.parameter, self.modes.shape[1])
             self.regions = branches.read_regions(tree, view, self.parameter)
         self.ratios = mesh_ratios(tree, self.regions)
-        self.at = fixed_speed(tree, view, speed)
+        self.at: float | None = None
+        """The mesh frequency that was selected beside another axis."""
+        if speed is not None and speed.name in view.fixed and speed.factor:
+            self.at = float(speed.positions[view.fixed[speed.name]] * speed.factor)
         factor = (speed.factor or 1.0) if speed is not None else None
         ends = grid.limits(view.x) if self.parameter is None else grid.limits(speed) if speed is not None else None
         self.span = None if ends is None or factor is None else (ends[0] * factor, ends[1] * factor)
@@ -213,12 +206,12 @@ def draw_orders(ax: Axes, panel: Panel, unit: float) -> list[Line2D]:
     found = []
     for n, ratio in enumerate(panel.ratios):
         over_speed = panel.parameter is None
-        colour = order_colour(n, len(panel.ratios)) if over_speed else GREY
+        colour = branches.order_colour(n, len(panel.ratios)) if over_speed else GREY
         mesh = "" if over_speed or len(panel.ratios) == 1 else f" {said(panel.ratios[ratio])}"
         for half in range(1, panel.orders + 1):
             size = 0.5 * half * ratio / unit
             slope, level = (size * (panel.view.factor or 1.0), 0.0) if over_speed else (0.0, size * (panel.at or 0.0))
-            found.append(draw_order(ax, slope, level, half, colour, mesh))
+            found.append(branches.draw_order(ax, slope, level, half, colour, mesh))
     return [order for order in found if order is not None]
 
 
@@ -227,7 +220,7 @@ def draw_crossings(ax: Axes, panel: Panel, unit: float) -> Artists:
     modes, and a mark where a drawn order passes their mean, faint where the region is closed.
     """
     factor, (low, high) = panel.view.factor or 1.0, ax.get_xlim()
-    w, marks, closed = panel.modes[0] / unit, Marks(), Marks()
+    w, marks, closed = panel.modes[0] / unit, branches.Marks(), branches.Marks()
     bars: list[Any] = []
     for region in panel.regions:
         own = w[[region.p, region.q]]
@@ -241,7 +234,7 @@ def draw_crossings(ax: Axes, panel: Panel, unit: float) -> Artists:
             if low <= centre <= high and region.harmonic <= panel.orders:
                 marks.add(region, centre, own, (ends[1] - ends[0]) / (high - low))
         elif 0 < region.harmonic <= panel.orders and low <= centre <= high:
-            closed.add(region, centre, own, 0.5 * WIDE)
+            closed.add(region, centre, own, 0.5 * branches.WIDE)
     if len(closed.two) > MOST_CLOSED:
         closed.two.clear()
     ax.add_collection(LineCollection(bars, colors=UNSTABLE, linewidths=2.6, zorder=2.5), autolim=False)
@@ -257,7 +250,7 @@ def draw_segments(ax: Axes, panel: Panel, unit: float) -> Artists:
     """
     assert panel.parameter is not None
     assert panel.at is not None
-    x, marks, segments = panel.parameter.ascending, Marks(), list[Line2D]()
+    x, marks, segments = panel.parameter.ascending, branches.Marks(), list[Line2D]()
     for region in panel.regions:
         grows, off = panel.within(region), panel.modes[:, [region.p, region.q]].sum(axis=1) - region.ratio * panel.at
         for mode in dict.fromkeys((region.p, region.q)) if grows.any() else ():
@@ -266,55 +259,11 @@ def draw_segments(ax: Axes, panel: Panel, unit: float) -> Artists:
         for k in np.flatnonzero((off[:-1] * off[1:] <= 0) & region.open[:-1] & region.open[1:] & (off[:-1] != off[1:])):
             part = off[k] / (off[k] - off[k + 1])
             between = (1 - part) * panel.modes[k] + part * panel.modes[k + 1]
-            marks.add(region, (1 - part) * x[k] + part * x[k + 1], between[[region.p, region.q]] / unit, WIDE)
+            marks.add(region, (1 - part) * x[k] + part * x[k + 1], between[[region.p, region.q]] / unit, branches.WIDE)
     return NOTHING | {"regions": marks.draw(ax, False), "segments": segments}
 
 
-class Marks:
-    """Places of regions of one mode and of two, ``(x, y, size)``, and lines that join the frequencies of two."""
-
-    def __init__(self) -> None:
-        self.one: list[tuple[float, float, float]] = []
-        self.two: list[tuple[float, float, float]] = []
-        self.joints: list[Any] = []
-
-    def add(self, region: Region, x: float, y: Array, width: float) -> None:
-        """Mark a region at the mean of its two natural frequencies y; width: its part of the frame."""
-        size = SIZES[0] + (SIZES[1] - SIZES[0]) * min(max(width, 0.0) / WIDE, 1.0)
-        (self.one if region.p == region.q else self.two).append((x, float(y.mean()), size))
-        if y[0] != y[-1]:
-            self.joints.append([(x, y[0]), (x, y[-1])])
-
-    def draw(self, ax: Axes, faint: bool) -> dict[str, PathCollection]:
-        """Draw them; by sort, none of a sort that there is none of."""
-        if not faint:
-            lines = LineCollection(self.joints, colors=UNSTABLE, linewidths=0.5, linestyles=":", zorder=1.7)
-            ax.add_collection(lines, autolim=False)
-        drawn = {}
-        for sort, places in (("one", self.one), ("two", self.two)):
-            if places:
-                x, y, size = np.transpose(places)
-                face, edge = ("white", FAINT) if faint else (UNSTABLE, LINE)
-                drawn[sort] = ax.scatter(
-                    x, y, (0.8 if faint else 1.0) * size**2, marker=MARKERS[sort], facecolor=face, edgecolor=edge,
-                    linewidth=0.5 if faint else 0.3, zorder=1.8 if faint else 3,
-                )  # fmt: skip
-        return drawn
-
-
-MARKERS = {"one": "o", "two": "D"}
 CLOSED = {"one": "one mode, closed", "two": "two modes, closed"}
-
-
-def spot(sort: str, faint: bool, words: str) -> Line2D:
-    """The entry of a mark in a legend."""
-    face, edge = ("white", FAINT) if faint else (UNSTABLE, LINE)
-    # The frequencies of two modes are joined by dots.
-    return Line2D(
-        [], [], color=UNSTABLE, linestyle=":" if sort == "two" and not faint else "none", linewidth=0.5,
-        marker=MARKERS[sort], markersize=SIZES[1], markerfacecolor=face, markeredgecolor=edge, markeredgewidth=0.5,
-        label=words,
-    )  # fmt: skip
 
 
 def name_modes(ax: Axes, panel: Panel, unit: float) -> names.NamedTongues:
@@ -371,15 +320,15 @@ def legend_handles(panels: list[Panel], drawn: list[Artists]) -> list[Any]:
             words = "mesh orders" if len(ratios) == 1 or not meshes else f"orders of {said(meshes)}"
             if n and (number := numbers.get(meshes[0])):
                 words += rf", $\Omega_{{{number}}}$"
-            colour = order_colour(n, len(ratios)) if over_speed else GREY
+            colour = branches.order_colour(n, len(ratios)) if over_speed else GREY
             handles.append(Line2D([], [], color=colour, linewidth=0.6, label=words))
-        colour = colour if len(ratios) == 1 else FAINT
+        colour = colour if len(ratios) == 1 else branches.FAINT
         handles.append(Line2D([], [], color=colour, linewidth=0.6, linestyle=(0, (4, 2)), label="half orders"))
     for sort, words in (("one", "instability of one mode"), ("two", "instability of two modes")):
         if any(sort in artists["regions"] for artists in drawn):
-            handles.append(spot(sort, False, words))
+            handles.append(branches.spot(sort, False, words))
     closed = {sort for artists in drawn for sort in artists["closed"]}
-    handles += [spot(sort, True, CLOSED[sort]) for sort in MARKERS if sort in closed]
+    handles += [branches.spot(sort, True, CLOSED[sort]) for sort in branches.MARKERS if sort in closed]
     if any(artists["bands"] is not None for artists in drawn):
         handles.append(Patch(facecolor=SHADE, label=f"unstable speeds{panels[0].theory}"))
     if any(artists.get("segments") for artists in drawn):
@@ -426,7 +375,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     names.freeze(figure, request)
     for ax, artists in zip(axes, drawn, strict=True):
         marks = [mark for sort in ("regions", "closed") for mark in artists[sort].values()]
-        number_orders(ax, artists["orders"], artists["modes"], marks)
+        branches.number_orders(ax, artists["orders"], artists["modes"], marks)
     return figure, {"panels": drawn, "legend": legend, "left_out": note}
 
 

@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import FigureAxis
+from gearstab.errors import PlotError
+from gearstab.plots.axes import FigureAxis, held
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_figure, new_frame, write_legend, write_title
 from gearstab.plots.drawing.text import fitted, number_text, unit_text
@@ -247,12 +247,11 @@ MARKERS = "ospDv^<>X"
 
 def draw_work_precision(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure; its artists are ``lines``, one per method. Raises PlotError without benchmark results."""
-    if "bench" not in tree.children:
-        raise PlotError(f"this result holds no benchmark; it holds {listed(tree.children)}")
-    if not (np.isfinite(tree["bench"]["error"]) & np.isfinite(tree["bench"]["seconds"])).any():
+    dataset = held(tree, "bench", "benchmark")
+    if not (np.isfinite(dataset["error"]) & np.isfinite(dataset["seconds"])).any():
         raise PlotError("no method of this benchmark has an error and a time: there is nothing to draw")
     figure, ax = new_frame(request, (0.95, 0.6))
-    lines = draw_methods(ax, tree["bench"].to_dataset())
+    lines = draw_methods(ax, dataset)
     write_legend(figure, lines, ax=request.ax)
     write_title(figure, tree, request)
     return figure, {"lines": lines}

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import units_of
+from gearstab.plots.axes import held, units_of
 from gearstab.plots.drawing.style import CASES, WIDTHS, new_panels, write_title
 from gearstab.plots.drawing.text import bracketed, fitted, plain
 from gearstab.plots.kinds import Kind
@@ -67,12 +67,10 @@ BINS = 100
 
 def read_response(tree: xr.DataTree) -> xr.Dataset:
     """The group ``response``. Raises PlotError if the result holds none with histories over time."""
-    if "response" not in tree.children:
-        raise PlotError(f"this result holds no time response; it holds {listed(tree.children)}")
-    dataset = tree["response"].to_dataset()
+    dataset = held(tree, "response", "time response")
     if not any("time" in data.dims for data in dataset.data_vars.values()):
-        held = listed(map(str, dataset.data_vars))
-        raise PlotError(f"this response holds no histories over time; it holds {held}")
+        there = listed(map(str, dataset.data_vars))
+        raise PlotError(f"this response holds no histories over time; it holds {there}")
     refuse_a_moment(dataset)
     return dataset
 
@@ -197,8 +195,7 @@ def draw_line(ax: Axes, time: Array, values: Array, colour: str) -> Any:
     starts = np.unique(np.linspace(0, values.size, min(BINS, turns // 4), endpoint=False).astype(int))
     low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
     middle = time[np.minimum(starts + (starts[1] - starts[0]) // 2, time.size - 1)]
-    band = ax.fill_between(middle, low, high, facecolor=to_rgba(colour, 0.25), edgecolor=colour, linewidth=0.5)
-    return band
+    return ax.fill_between(middle, low, high, facecolor=to_rgba(colour, 0.25), edgecolor=colour, linewidth=0.5)
 
 
 def show_growth(ax: Axes, values: Array) -> None:

@@ -24,7 +24,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import INNER, sweep_axes, units_of
+from gearstab.plots.axes import INNER, held, sweep_axes, units_of
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_frame, write_legend, write_title
 from gearstab.plots.drawing.text import axis_label, bracketed
@@ -85,9 +85,7 @@ DECADES = 1.5
 
 def read_speeds(tree: xr.DataTree) -> xr.Dataset:
     """The group ``response`` of a sweep. Raises PlotError if the result holds none."""
-    if "response" not in tree.children:
-        raise PlotError(f"this result holds no responses over speed; it holds {listed(tree.children)}")
-    dataset = tree["response"].to_dataset()
+    dataset = held(tree, "response", "responses over speed")
     if "mesh_force_peak" not in dataset.data_vars:
         raise PlotError("this response is a history, not one over speed; use --kind response")
     return dataset

@@ -12,11 +12,12 @@ both sharp.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gearstab import ckernel
+from gearstab.grouping import Columns
 from gearstab.response.backlash import dynamics as d
 from gearstab.response.backlash.dynamics import APART, UPPER
 from gearstab.system import Array
@@ -62,7 +63,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Track:
+class Track(Columns):
     """S pieces of the motion between events, one after the other.
 
     powers: ``(S, degree + 1, D)``, y(begin + u length) = sum_k u^k powers_k for u in [0, 1];  length, begin: ``(S,)``,
@@ -85,7 +86,7 @@ class Track:
 
     def __getitem__(self, which: slice | Array) -> Track:
         """Some of them."""
-        return replace(self, **{part.name: getattr(self, part.name)[which] for part in fields(self)})
+        return Track(*(part[which] for part in vars(self).values()))
 
 
 class Chatter(Exception):

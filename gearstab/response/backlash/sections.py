@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -200,12 +200,4 @@ class SectionMap:
         last = tracks[-1]
         until = int(np.argmax(last.period >= periods))
         end = np.linalg.solve(basis, last.powers[until, 0, : model.size][kept])
-        return Lap(model, periods, start, end, joined([*tracks[:-1], last[:until]]), kept, basis)
-
-
-def joined(tracks: list[Track]) -> Track:
-    """One track of several."""
-    if len(tracks) == 1:
-        return tracks[0]
-    parts = {part.name: [getattr(track, part.name) for track in tracks] for part in fields(Track)}
-    return Track(**{name: np.concatenate(values) for name, values in parts.items()})
+        return Lap(model, periods, start, end, Track.joined([*tracks[:-1], last[:until]]), kept, basis)

@@ -7,6 +7,7 @@ from math import floor, inf, tau
 
 import numpy as np
 
+from gearstab.response.history import finite
 from gearstab.response.rotating_pair.integrate import (
     STATUS,
     Crossing,
@@ -165,8 +166,7 @@ def respond(
         run.status |= STATUS["unpredictable"]
         predictable = events[errors.first_lost].time / rate
     states, region = _samples(pieces, step * rate, run.time, turns)
-    finite = np.isfinite(states).all(axis=0)
-    kept = slice(0, len(finite) if finite.all() else int(np.argmin(finite)))
+    kept = slice(finite(states.T))
     phi, phi_dot, theta, theta_dot = states[:, kept]
     stiffness = np.array(law.kappa)[region[kept]] * float(pair.numbers.k0)
     lever = 1.0 if pair.numbers.lever is None else float(pair.numbers.lever)

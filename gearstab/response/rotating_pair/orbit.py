@@ -48,10 +48,8 @@ class PeriodicProblem:
 
     def at(self, index: Array) -> PeriodicProblem:
         """Some of them."""
-        return PeriodicProblem(
-            self.m[index], self.zeta[index], (self.kappa[0][index], self.kappa[1][index]), self.single[index],
-            self.load[index], self.omega[index], self.impulsive,
-        )  # fmt: skip
+        own = {name: getattr(self, name)[index] for name in ("m", "zeta", "single", "load", "omega")}
+        return replace(self, kappa=(self.kappa[0][index], self.kappa[1][index]), **own)
 
     def loaded(self, part: Array) -> PeriodicProblem:
         """Return the pair with a part of the load."""

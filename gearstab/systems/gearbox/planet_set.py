@@ -24,7 +24,7 @@ from gearstab.systems.gearbox.bodies import base_radius, number, other
 from gearstab.systems.gearbox.meshes import MEMBERS, Planets, SetFault, SetPhases
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.kinematics import MeshMotion, TrainError, Where
-from gearstab.systems.planetary.planets import ASSEMBLE, FIT, SetRows, angles_of, assembly, turn_matrix
+from gearstab.systems.planetary.planets import SetRows, angles_of, assembly, misfit, turn_matrix
 from gearstab.systems.planetary.teeth import SetTeeth
 
 OF_PLANETS = ("module", "pressure_angle", "helix_angle", "face_width", "addendum", "dedendum")
@@ -137,18 +137,14 @@ class TrainSet:
             for _, _, message, remedy in assembly(sun, self.counted("planet"), ring, self.count):
                 raise TrainError((*self.where, "planets", "teeth"), message, remedy)
             return [Fraction(n, self.count) for n in range(self.count)]
-        found: list[Fraction | Array] = []
-        for n, angle in enumerate(self.angles, start=1):
-            steps = (angle - self.angles[0]) * (sun + ring) / tau
-            if np.any(np.abs(steps - np.rint(steps)) > FIT):
-                message = f"the teeth of planet {n} do not fit: angles are multiples of 360 deg/(z_s + z_r)"
-                near = 360 / (sun + ring) * float(np.ravel(np.rint(steps))[0])
-                remedy = f'give "{near:.7g} deg" from the first one, or write angles: {ASSEMBLE}'
-                if np.any(np.abs(self.angles) > tau):
-                    remedy = f'plain numbers are radians: write "{float(np.ravel(angle)[0]):.6g} deg"'
-                raise TrainError((*self.where, "planets", "angles"), message, remedy)
-            found.append(np.rint(steps) / (sun + ring) if steps.ndim else Fraction(round(float(steps)), sun + ring))
-        return found
+        angles, places = self.angles, sun + ring
+        if wrong := misfit(sun, ring, angles):
+            n, message, remedy = wrong
+            if any(np.any(np.abs(angle) > tau) for angle in angles):
+                remedy = f'plain numbers are radians: write "{float(np.ravel(angles[n - 1])[0]):.6g} deg"'
+            raise TrainError((*self.where, "planets", "angles"), message, remedy)
+        steps = [np.rint((angle - angles[0]) * places / tau) for angle in angles]
+        return [step / places if step.ndim else Fraction(round(float(step)), places) for step in steps]
 
     def lags(self, planets_turn: int, sun_drives: bool) -> dict[str, list[Any]]:
         """Return gamma_sn = -sigma z_s psi_n/2 pi, exact, and gamma_rn = gamma_sn + gamma_sr, in mesh periods.

@@ -276,7 +276,7 @@ def phases_of(teeth: Any, planets: int, planets_turn: int = -1) -> tuple[list[Fr
     sigma, 1 for planets that turn counter-clockwise on the carrier, as they are numbered, -1 for clockwise. gamma_sr is
     the lag between the passages of the pitch points of standard teeth: a planet touches the sun and the ring with
     opposite flanks half a turn apart, z_p/2 pitches, and the flanks of a tooth as thick as its gap are half a pitch
-    apart. Waves begin at the entry of teeth: :class:`gearstab.gears.planet_set.PlanetSet` has that lag, and that of
+    apart. Waves begin at the entry of teeth: :class:`gearstab.gears.pair.PlanetSet` has that lag, and that of
     profile-shifted teeth.
 
     Source: Parker 2009, "Parametric instabilities for in-phase meshes", for gamma_sn; Parker & Lin 2004 (J. Mech. Des.

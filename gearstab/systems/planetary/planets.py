@@ -44,10 +44,16 @@ def nearest(sun: int, ring: int, planets: int) -> list[float]:
     return [tau * floor(places * n / planets + 0.5) / places for n in range(planets)]
 
 
-def misfit(sun: int, ring: int, angles: Sequence[Any]) -> int | None:
-    """Return the number, from 1, of the first planet whose teeth do not fit; None where all do."""
-    steps = [float(angle - angles[0]) * (sun + ring) / tau for angle in angles]
-    return next((n for n, step in enumerate(steps, start=1) if abs(step - round(step)) > FIT), None)
+def misfit(sun: int, ring: int, angles: Sequence[Any]) -> tuple[int, str, str] | None:
+    """Return the number, from 1, of the first planet whose teeth do not fit, message and remedy; None where all do."""
+    places = sun + ring
+    for n, angle in enumerate(angles, start=1):
+        steps = np.asarray(angle - angles[0], dtype=float) * places / tau
+        if np.any(np.abs(steps - np.rint(steps)) > FIT):
+            near = 360 / places * round(float(np.ravel(steps)[0]))
+            message = f"the teeth of planet {n} do not fit: angles are multiples of 360 deg/(z_s + z_r)"
+            return n, message, f'give "{near:.7g} deg" from the first one, or write angles: {ASSEMBLE}'
+    return None
 
 
 def write_out_teeth(document: Document, raw: dict[str, Any]) -> None:
@@ -121,12 +127,8 @@ def assembly(sun: int, planet: int, ring: int, planets: Any, angles: Sequence[An
         message = f"is more than {MOST_SHIFTED} teeth from z_s + 2 z_p = {standard}, too many for profile shifts"
         yield ("teeth", "ring"), "inconsistent", message, f"give {standard} teeth, or a number close to it"
     elif angles is not None:
-        if number := misfit(sun, ring, angles):
-            step = 360 / (sun + ring)
-            message = f"the teeth of planet {number} do not fit: angles are multiples of 360 deg/(z_s + z_r)"
-            near = step * round(np.degrees(float(angles[number - 1] - angles[0])) / step)
-            hint = f'give "{near:.7g} deg" from the first one, or write angles: {ASSEMBLE}'
-            yield ("angles",), "inconsistent", message, hint
+        if found := misfit(sun, ring, angles):
+            yield ("angles",), "inconsistent", *found[1:]
     elif whole(planets, 3, MOST_PLANETS) and (sun + ring) % int(planets):
         possible = [str(k) for k in range(3, MOST_PLANETS + 1) if (sun + ring) % k == 0]
         remedy = f"write angles: {ASSEMBLE}, or change the teeth"

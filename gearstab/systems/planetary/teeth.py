@@ -16,7 +16,7 @@ import numpy as np
 
 from gearstab.config.model.reading import held
 from gearstab.errors import NotPossible
-from gearstab.gears.planet_set import PlanetSet, closing_shifts, halfway
+from gearstab.gears.pair import PlanetSet, closing_shifts, halfway
 from gearstab.system import Array
 from gearstab.systems.gearbox import bodies
 from gearstab.systems.gearbox.bodies import STEEL

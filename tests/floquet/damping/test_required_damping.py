@@ -7,8 +7,9 @@ import pytest
 from mpmath import mp
 from systems import train
 
+from gearstab.floquet import required_damping as module
 from gearstab.floquet import solve
-from gearstab.floquet.required_damping import FLAGS, growth, required_damping
+from gearstab.floquet.required_damping import FLAGS, RESOLVED, growths, required_damping
 from gearstab.floquet.stability import DAMPED_ON_CIRCLE
 from gearstab.mesh import Mesh
 from gearstab.modal import mean_modes, modal_damping_matrix
@@ -193,14 +194,14 @@ def test_as_many_steps_as_the_growth_needs(monkeypatch):
     omega = np.array([[0.03, 0.05]])
     expected = solve(with_ratio(smooth, level), omega[0], tolerance=1e-12).growth_rate * 2 * np.pi / omega
     found = {}
-    for doublings in (2, 3, growth.MOST_DOUBLINGS):
-        monkeypatch.setattr(growth, "MOST_DOUBLINGS", doublings)
-        (part,) = growth.growths(smooth, "damping_ratio", omega, level)
+    for doublings in (2, 3, module.MOST_DOUBLINGS):
+        monkeypatch.setattr(module, "MOST_DOUBLINGS", doublings)
+        (part,) = growths(smooth, "damping_ratio", omega, level)
         found[doublings] = part.at_level(level)
     # A bound of rounding errors is subtracted.
     errors = {doublings: np.abs(own + DAMPED_ON_CIRCLE - expected).max() for doublings, own in found.items()}
-    assert errors[3] < growth.RESOLVED < errors[2]
-    np.testing.assert_array_equal(found[growth.MOST_DOUBLINGS], found[3])
+    assert errors[3] < RESOLVED < errors[2]
+    np.testing.assert_array_equal(found[module.MOST_DOUBLINGS], found[3])
 
 
 def test_integer_contact_ratio_needs_none():

@@ -295,6 +295,19 @@ def test_the_sun_of_a_set_is_no_remedy_for_the_other_meshes_of_a_train(tmp_path:
     assert (alone, pair) == (0, None)
 
 
+def test_an_angle_inside_an_axis_at_which_teeth_do_not_fit_is_told_at_its_point(tmp_path: Path) -> None:
+    """Both ends of the axis fit, and so do the other planets, whose angles are no batch."""
+    planets = 'count: 3, teeth: 24, angles: [0, "120 deg", "240 deg"]'
+    axis = {"targets": ["planetary_sets.1.planets.angles.1"], "values": ["120 deg", 125, "140 deg"]}
+    sweep = json.dumps({"mesh_frequency": [100.0, 200.0], "a": axis})
+    text = TWO.replace("count: 3, teeth: 24", planets) + f"sweep: {sweep}\nmethods: {{floquet: {{}}}}\n"
+    (found,) = problems(tmp_path, text)
+    assert found.path == "system.planetary_sets.1.planets.angles"
+    assert "the teeth of planet 2 do not fit" in found.message
+    assert "(at a = 125.0)" in found.message
+    assert found.hint == 'plain numbers are radians: write "125 deg"'
+
+
 def test_a_supported_member_is_in_one_frame(tmp_path: Path) -> None:
     """Coordinates of a set turn with its carrier, those of a pair do not."""
     text = TWO.replace("{name: gear, teeth: 25}", "{name: gear, teeth: 25}\n    - {name: idler, teeth: 31}").replace(

@@ -32,9 +32,8 @@ from flint import arb, arb_mat, arb_poly, ctx
 
 from gearstab.certificates.balls import exact, near
 from gearstab.certificates.choices import modal
+from gearstab.certificates.circle import CELL, CUT, Circle, Disc, bend, cut, to_coefficients
 from gearstab.certificates.equations import Flow
-from gearstab.certificates.multipliers.circle import Circle, Disc
-from gearstab.certificates.multipliers.roots import CELL, CUT, bend, cut, to_coefficients
 
 BITS, STEP = 128, 0.65
 """Bits of the midpoints; by how much the fastest function can turn from one T to the next."""

@@ -1,1 +1,0 @@
-"""Proofs that need no coordinates: where multipliers are, by the characteristic polynomial on whole intervals."""
