@@ -12,7 +12,6 @@
 #define GEARSTAB_ACTIONS_H
 
 #define BAND 1.25  /* harmonics up to this times the largest frequency of any state */
-#define ROWS 3 /* of modes that are summed together in registers */
 #define LEADING 5 /* parts of each sign that are looked at, */
 #define LEAST 1e-3 /* unless they carry less than this of the action of their sign */
 #define LARGEST_MATRIX 1e6 /* entries of M above this leave too few digits, as in points.py */
@@ -187,21 +186,6 @@ INLINE void sum_jumps(struct actors *a, int64_t n, int64_t state, const struct p
     }
 }
 
-/* to (2, n) += modes (rows, n) jump (2, n), rows a constant where this is inlined. */
-INLINE void add_modes(const double *modes, int64_t n, int64_t rows, const struct pair *jump, struct pair *to) {
-    struct pair plus[ROWS], minus[ROWS];
-    UNROLLED for (int64_t i = 0; i < rows; i++)
-        plus[i] = to[i], minus[i] = to[n + i];
-    for (int64_t j = 0; j < n; j++)
-        UNROLLED for (int64_t i = 0; i < rows; i++) {
-            vec mode = all(modes[i * n + j]);
-            plus[i].re += mode * jump[j].re, plus[i].im += mode * jump[j].im;
-            minus[i].re += mode * jump[n + j].re, minus[i].im += mode * jump[n + j].im;
-        }
-    UNROLLED for (int64_t i = 0; i < rows; i++)
-        to[i] = plus[i], to[n + i] = minus[i];
-}
-
 /* total (2, n) = T c_k of two harmonics k and -k with frequencies w (2,). */
 INLINE void amplitudes(struct actors *a, const struct conservative *p, int64_t row, int64_t n, const struct pair *w) {
     for (int64_t i = 0; i < 2 * n; i++)
@@ -216,11 +200,15 @@ INLINE void amplitudes(struct actors *a, const struct conservative *p, int64_t r
                 jump[j] = times(jump[j], (struct pair){x * over, -y * over});
             }
         }
-        int64_t i = 0;
-        for (; i + ROWS <= n; i += ROWS)
-            add_modes(modes + i * n, n, ROWS, a->jump, a->total + i);
-        for (; i < n; i++)
-            add_modes(modes + i * n, n, 1, a->jump, a->total + i);
+        for (int64_t i = 0; i < n; i++) {
+            struct pair plus = a->total[i], minus = a->total[n + i];
+            for (int64_t j = 0; j < n; j++) {
+                vec mode = all(modes[i * n + j]);
+                plus.re += mode * a->jump[j].re, plus.im += mode * a->jump[j].im;
+                minus.re += mode * a->jump[n + j].re, minus.im += mode * a->jump[n + j].im;
+            }
+            a->total[i] = plus, a->total[n + i] = minus;
+        }
     }
 }
 
