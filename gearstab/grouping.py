@@ -17,8 +17,8 @@ LARGEST = 2**62
 class Columns:
     """A dataclass whose fields are arrays over the same items, in their leading dimensions."""
 
-    def chosen(self, index: Array | Sequence[int]) -> Self:
-        """Return some of the items: by position, or by a mask."""
+    def chosen(self, index: Array | Sequence[int] | slice) -> Self:
+        """Return some of the items: by position, by a mask, or a range of them."""
         return type(self)(*(values[index] for values in vars(self).values()))
 
     @classmethod

@@ -28,6 +28,27 @@ CIRCLE = 1e-9
 """Growth over a period that is rounding."""
 WITHIN = 0.25
 """Where between the growth of two directions, as logarithms, the rate that tells them apart lies."""
+LEFT = 4e-4
+"""Part of the range, in logarithms, that may be left around all edges together."""
+LEAST = 1e-9
+"""The least width, relative to Omega, that is given up at an edge."""
+MOST = 1e-4
+"""The largest, also where no edges share LEFT: shorter pieces are tried before a part is left."""
+NARROW = 0.05
+"""Part of an interval that is given up at each of its ends, at most."""
+NUMBERS = 1e6
+"""Numbers in the matrices of all segments beyond which Theorem 4 is cheaper than Theorem 1."""
+FIRST, SHORTER, LONGER, SHORTEST = 0.01, 0.5, 2.0, 0.4
+"""The longest piece that is tried first with coordinates; factors on the length of the next one, where one was not
+proved, and where it was; the shortest, as a part of the width that is given up at an edge.
+"""
+UNTOLD, ASIDE = 64, 1e-12
+"""Stretches in which nothing is told without coordinates, after which it is given up; by how much a piece ends before
+one, relative to Omega.
+"""
+NONE = np.zeros((0, 0))
+"""Coordinates of pieces that need none."""
+Claim = Callable[[float, float], Certificate | None]
 
 
 def claimed(flow: Flow, low: float, high: float) -> Certificate | None:
@@ -79,29 +100,6 @@ def _separators(form: Array, values: Array, vectors: Array) -> tuple[float, ...]
 
 def _single(value: float) -> float:
     return float(np.float32(value))
-
-
-LEFT = 4e-4
-"""Part of the range, in logarithms, that may be left around all edges together."""
-LEAST = 1e-9
-"""The least width, relative to Omega, that is given up at an edge."""
-MOST = 1e-4
-"""The largest, also where no edges share LEFT: shorter pieces are tried before a part is left."""
-NARROW = 0.05
-"""Part of an interval that is given up at each of its ends, at most."""
-NUMBERS = 1e6
-"""Numbers in the matrices of all segments beyond which Theorem 4 is cheaper than Theorem 1."""
-FIRST, SHORTER, LONGER, SHORTEST = 0.01, 0.5, 2.0, 0.4
-"""The longest piece that is tried first with coordinates; factors on the length of the next one, where one was not
-proved, and where it was; the shortest, as a part of the width that is given up at an edge.
-"""
-UNTOLD, SHORT = 64, 1e-12
-"""Stretches in which nothing is told without coordinates, after which it is given up; by how much a piece ends before
-one, relative to Omega.
-"""
-NONE = np.zeros((0, 0))
-"""Coordinates of pieces that need none."""
-Claim = Callable[[float, float], Certificate | None]
 
 
 def states(system: GearSystem) -> int:
@@ -185,7 +183,7 @@ def _without_coordinates(counting: Counter, low: float, high: float) -> list[Cer
         if untold > UNTOLD:
             break
         if outside is not None:
-            ends = (max(low, counting.omega(end) * (1 + SHORT)), min(high, counting.omega(start) * (1 - SHORT)))
+            ends = (max(low, counting.omega(end) * (1 + ASIDE)), min(high, counting.omega(start) * (1 - ASIDE)))
             if outside == before:
                 parts[-1] = ends[0], parts[-1][1]
             else:

@@ -86,7 +86,7 @@ class Track(Columns):
 
     def __getitem__(self, which: slice | Array) -> Track:
         """Some of them."""
-        return Track(*(part[which] for part in vars(self).values()))
+        return self.chosen(which)
 
 
 class Chatter(Exception):
