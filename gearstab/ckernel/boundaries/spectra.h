@@ -15,6 +15,7 @@
    8 to 11 % longer for tooth ratios of 9/10 and 19/20, and as long for 3/5 and 4/5; the number itself hardly matters. */
 #define PAYS_FROM 200
 #define SMALL_PART 0x1p-20    /* imaginary parts above this are no rounding errors */
+#define WITHIN 4.0            /* times noise/d: members of a group lie no farther apart */
 #define BESIDE_OTHERS 0.1     /* of the distance to another group: imaginary parts are below this */
 
 /* s -> arctan s for 0 <= s <= 1. */
@@ -145,8 +146,8 @@ static void traces_of(vec *x, int64_t n, vec *real, vec *imaginary, vec *work) {
 
 /* Take back what rounding errors have parted several equal rho by, as identical parts have them. Each of two such groups that are
    coupled and lie apart by d has a condition of 1/d, so that errors of size `noise` become noise/d: an imaginary part of that
-   size, small beside d, is one of real rho. That of a quadruple, or of several, has no other group beside it. Two groups have
-   at least four members. */
+   size, small beside d, is one of real rho. That of a quadruple, or of several, has no other group beside it, but where parts
+   are nearly identical the rho of its twin. Two groups have at least four members. */
 static void settle_equals(int64_t n, const vec *real, vec *imaginary, vec noise) {
     for (int64_t i = 0; n > 3 && i < n; i++) {
         vec size = magnitude(imaginary[i]), apart = all(1.0);
@@ -155,7 +156,10 @@ static void settle_equals(int64_t n, const vec *real, vec *imaginary, vec noise)
             continue;
         for (int64_t j = 0; j < n; j++) {
             vec distance = magnitude(real[j] - real[i]);
-            apart = choose(distance * BESIDE_OTHERS >= size, smaller(apart, distance), apart);
+            mask group = distance != distance;
+            for (int64_t k = 0; k < n; k++)
+                group |= k == j ? distance != distance : magnitude(real[k] - real[j]) * distance <= WITHIN * noise;
+            apart = choose(group & (distance * BESIDE_OTHERS >= size), smaller(apart, distance), apart);
         }
         mask equal = doubtful & (size * apart <= noise);
         /* The conjugate has the same neighbours, and the same answer. */

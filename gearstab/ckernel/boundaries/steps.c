@@ -20,6 +20,8 @@
 #define NARROW_BRACKET 0.05 /* step to the second point over the width of a bracket so narrow that its cubic is exact */
 #define AT_ONCE 0.1 /* of the floor: events that are predicted this near to each other are taken for one */
 #define ASIDE 0.1 /* of the distance of an edge from the nearer end of its bracket */
+#define BESIDE_OTHERS 0.1 /* as in spectra.h */
+#define COUPLED 0x1p-9 /* rho nearer to each other than this are those of like parts, which are not coupled */
 #define INSIDE 0.05 /* of the bracket: no proposal for an open one is nearer to its ends */
 
 static struct cubic through(double f, double s, double g, double t) {
@@ -146,44 +148,58 @@ static const struct off *nearest_edge(const struct sample *out) {
     return best;
 }
 
-/* The sine of the angle at which a pair leaves the circle; at 1 or -1 of the nearest angle at which another pair is. */
-static double sine_of(const struct sample *in, const struct sample *out, const struct off *off) {
-    double first = 1.0, second = 1.0; /* the nearest of the stable point is the pair itself */
-    if (off->place == ELSEWHERE)
-        return sin(off->angle);
-    for (int k = 0; k < in->letters; k++)
-        if (fabs(in->letter[k].angle - off->angle) < 0.5 * PI) {
-            double own = sin(in->letter[k].angle);
-            second = fmin(second, fmax(own, first));
-            first = fmin(first, own);
-        }
+/* Whether the pair that is off the circle was taken for two equal rho, see settle_equals of spectra.h. */
+static int settled(const struct sample *out, const struct off *off, const struct gap *gap) {
+    int equal = 0;
     for (int m = 0; m < out->offs; m++)
-        if (out->off + m != off && fabs(out->off[m].angle - off->angle) < 0.5 * PI)
-            second = fmin(second, sin(out->off[m].angle));
-    return second;
+        equal += off->place != ELSEWHERE && out->off[m].place == off->place && out->off[m].square == off->square;
+    return equal > 1 || (gap && gap->square == 0.0);
+}
+
+/* The distance of rho from those of other pairs at a stable point; `own` letters, the nearest to the angle, are its own. */
+static double apart_from_others(const struct sample *in, double angle, int own) {
+    double least[3] = {INFINITY, INFINITY, INFINITY};
+    for (int k = 0; k < in->letters; k++) {
+        double distance = 2.0 * fabs(cos(in->letter[k].angle) - cos(angle));
+        for (int i = 0; i < 3; i++) {
+            double nearer = fmin(distance, least[i]);
+            distance = fmax(distance, least[i]), least[i] = nearer;
+        }
+    }
+    return least[own];
 }
 
 /* How far rounding errors may have moved an edge, in cycles. All rho are wrong by `noise`, and by three times that where
    angle_of puts them on the rim; near an edge at 1 or -1 F = 4 (2 -+ rho), so that this share of it does not fall with F. Two
    rho of pairs that are coupled are eigenvalues of a 2 x 2 block with entries ~ 2 sin(angle) sqrt(-F) inside the tongue, which
-   is wrong by noise: that moves the edge by noise/sin(angle) over the speed at which the two approach, at least a turn in a
-   cycle; and the block says nothing at all of an imaginary part below noise, F = -(noise/sin(angle))^2. Where the angle is so
-   small that this would be more, rho tells by being beyond 2, as of a single pair. No error of F moves an edge by more than its
-   root over that speed, F being a parabola. */
+   is wrong by noise, and beside others in a distance d by noise/d: that moves the edge by noise/sin(angle) over the speed at which
+   the two approach, at least a turn in a cycle; and the block says nothing at all of an imaginary part below noise,
+   F = -(noise/sin(angle))^2, or below noise/d where that was taken back. Where the angle is so small that this would be more, rho
+   tells by being beyond 2, as of a single pair. No error of F moves an edge by more than its root over that speed, F being a
+   parabola. */
 double blurred(const struct sample *left, const struct sample *right, const struct finding *found) {
     const struct sample *in = left->stable ? left : right, *out = left->stable ? right : left;
     int known = found->left >= 0 && found->right >= 0;
-    double noise = in->noise, turn = left->cycle / (2.0 * PI), moved = noise * turn;
+    double noise = in->noise, turn = left->cycle / (2.0 * PI);
     const struct off *off = known ? out->off + (left->stable ? found->right : found->left) : nearest_edge(out);
+    const struct gap *gap = known ? in->gap + (left->stable ? found->left : found->right) : NULL;
     if (!off)
-        return moved;
-    double slope = fabs(off->slope), sine = sine_of(in, out, off), square = sine * sine;
-    if (known) {
-        const struct gap *gap = in->gap + (left->stable ? found->left : found->right);
-        /* The nearer end, by F over its slope. */
-        slope = fabs(gap->square) * slope < fabs(off->square * gap->slope) ? fabs(gap->slope) : slope;
+        return noise * turn;
+    int equal = settled(out, off, gap);
+    double slope = fabs(off->slope), unseen = noise, moved = noise * turn;
+    double apart = apart_from_others(in, off->angle, off->place == ELSEWHERE || equal ? 2 : 1);
+    if (in->letters > 3) {
+        moved /= fmin(fmax(apart, COUPLED), 1.0);
+        if (equal)
+            unseen = fmax(noise, fmin(noise / apart, BESIDE_OTHERS * apart));
     }
-    double most = 12.0 * (noise + square), least = off->place == ELSEWHERE ? noise * noise / square : 12.0 * noise;
+    /* At 1 or -1 of the nearest angle at which another pair is. */
+    double sine = off->place == ELSEWHERE ? sin(off->angle) : apart < 2.0 ? sqrt(apart - 0.25 * apart * apart) : 1.0;
+    double square = sine * sine;
+    /* The nearer end, by F over its slope. */
+    if (gap && fabs(gap->square) * slope < fabs(off->square * gap->slope))
+        slope = fabs(gap->slope);
+    double most = 12.0 * (noise + square), least = off->place == ELSEWHERE ? unseen * unseen / square : 12.0 * unseen;
     return moved + fmin(fmin(most / slope, sqrt(most) * turn), moved / sine + fmin(least / slope, sqrt(least) * turn));
 }
 
