@@ -64,6 +64,14 @@ struct share {
     double share;
 };
 
+/* What the states of a pattern of D states differ from the mean system by, in `count` orthonormal directions: across
+   (r, D, count, n), from the modes of a state to the components of K_s - mean; direction (r, count, n) and mean (r, n), squared
+   frequencies, in the modes of the mean system. */
+struct acting {
+    int64_t count;
+    const double *across, *direction, *mean;
+};
+
 struct shares {
     struct share *share; /* to be released with free */
     int64_t count, room;
@@ -176,9 +184,8 @@ struct level {
     void (*spectra_below)(void *spectra, int64_t count, int64_t room, const double *cycle, const int64_t *lines,
                           const double *angle, int64_t *below);
     /* Points first..last-1, ordered by row: the shares of their unstable solutions. exact gives the matrices, coarse, of the same
-       rows, the solutions in between; modes (r, D, n, n) of the coarse states in mean coordinates, turn (r, n, n) from
-       the first modes of the exact to those of the coarse pattern. */
-    int (*shares)(const struct conservative *exact, const struct conservative *coarse, const double *modes,
+       rows, the solutions in between; turn (r, n, n) from the first modes of the exact to those of the coarse pattern. */
+    int (*shares)(const struct conservative *exact, const struct conservative *coarse, const struct acting *acting,
                   const double *turn, int64_t first, int64_t last, const int64_t *row, const double *cycle,
                   struct shares *kept);
     /* Symmetric matrices first..last-1 of (count, n, n): eigenvalues (count, n) ascending, columns of eigenvectors. */

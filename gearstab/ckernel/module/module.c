@@ -186,7 +186,7 @@ static PyMethodDef METHODS[] = {
      "tolerance, floor, gap, density, start, stop) -> bytes of edges and of what is known of rows first..last-1"},
     {"shares", py_shares, METH_VARARGS,
      "shares(level, numbers, squared, fractions, state, change, segments, states, squared, fractions, state, change, first, "
-     "last, points, modes, turn, row, cycle) -> bytes of the shares of points first..last-1"},
+     "last, points, directions, across, direction, mean, turn, row, cycle) -> bytes of the shares of points first..last-1"},
     {NULL, NULL, 0, NULL},
 };
 

@@ -67,11 +67,11 @@ FUNCTION(edges, CONSERVATIVE COARSE ":r....[dr][dr]") {
     return failed;
 }
 
-FUNCTION(shares, CONSERVATIVE COARSE ":pp[drknn][drnn][ip]<r[dp]") {
+FUNCTION(shares, CONSERVATIVE COARSE ":ppw![drkwn][drwn][drn][drnn][ip]<r[dp]") {
     struct conservative pattern = conservative(c), rough = coarse(c);
+    struct acting acting = {c->n['w'], array(c, 8), array(c, 9), array(c, 10)};
     struct shares kept = {0};
-    int failed = c->level->shares(&pattern, &rough, array(c, 8), array(c, 9), c->first, c->last, array(c, 10), array(c, 11),
-                                  &kept);
+    int failed = c->level->shares(&pattern, &rough, &acting, array(c, 11), c->first, c->last, array(c, 12), array(c, 13), &kept);
     give(c, kept.share, kept.count, sizeof *kept.share);
     return failed;
 }

@@ -236,8 +236,8 @@ class _Collected:
     def _named(self, part: Part, pattern: Pattern, intervals: Intervals) -> naming.Names:
         """The roots of each region of a part's undamped pattern, modes counted from 0 in the part."""
         rows = part.pattern.rows[:, None]
-        squared = np.maximum(self.squared[rows, self._modes(part)], 0.0)
-        names, extra = naming.named(pattern, intervals, np.sqrt(squared) / part.pattern.elastic.rate[:, None])
+        squared = self.squared[rows, self._modes(part)] / part.pattern.elastic.rate[:, None] ** 2
+        names, extra = naming.named(pattern, intervals, squared)
         self.evaluations[pattern.rows] += extra
         return names
 

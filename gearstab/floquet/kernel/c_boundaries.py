@@ -83,11 +83,13 @@ def edges(
     return np.concatenate(every), known
 
 
-def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Array, limit: int | None = None) -> Array:
+def shares(
+    pattern: Pattern, coarse: Pattern, mean: Array, turn: Array, row: Array, cycle: Array, limit: int | None = None
+) -> Array:
     """Shares of roots (SHARE) in the unstable solutions at points (row, cycle) ``(P,)``, see boundaries/names.
 
-    coarse: the pattern that gives the solutions between the ends of the period; turn: ``(r, n, n)``, from the first
-    modes of the pattern to those of the coarse one.
+    coarse: the pattern that gives the solutions between the ends of the period; mean: ``(r, n)``, squared frequencies
+    of the mean system; turn: ``(r, n, n)``, from the first modes of the pattern to those of the coarse one.
     """
     order = np.argsort(row, kind="stable")
     index, place = np.ascontiguousarray(row[order], dtype=np.int64), contiguous(cycle[order])
@@ -100,11 +102,12 @@ def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Ar
         given = pattern_arguments(pattern, rows)
         other = given if coarse is pattern else pattern_arguments(coarse, rows)
         arguments = (*given, *other[0][1:3], *other[1:])
-        bases = contiguous(coarse.modes[rows]), contiguous(turn[rows])
-        points = (*bases, index[low:high] - rows.start, place[low:high])
+        part_of = coarse.subset(np.arange(rows.start, rows.stop))
+        acting = [contiguous(values) for values in (*_acting(part_of, mean[rows]), mean[rows], turn[rows])]
+        points = (acting[1].shape[1], *acting, index[low:high] - rows.start, place[low:high])
 
         def part(first: int, last: int, all_of: tuple[Any, ...] = (arguments, points), base: int = int(low)) -> None:
-            raw = ckernel.library.shares(ckernel.simd(), *all_of[0], first, last, len(all_of[1][2]), *all_of[1])
+            raw = ckernel.library.shares(ckernel.simd(), *all_of[0], first, last, len(all_of[1][-1]), *all_of[1])
             own = np.frombuffer(raw, dtype=SHARE)
             own["point"] = order[own["point"] + base]
             found[base + first] = own
@@ -112,6 +115,19 @@ def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Ar
         in_threads(part, int(high - low), SHARES_OF_A_POINT * cost(coarse), limit)
     parts = [found[k] for k in sorted(found)]
     return parts[0] if len(parts) == 1 else np.concatenate([np.empty(0, dtype=SHARE), *parts])
+
+
+def _acting(pattern: Pattern, mean: Array) -> tuple[Array, Array]:
+    """``struct acting`` of kernel.h: across ``(r, D, m, n)`` and direction ``(r, m, n)``.
+
+    The states differ only by what the meshes do: along their directions where these are few.
+    """
+    n, meshes = pattern.size, pattern.elastic.directions.shape[1]
+    directions = np.broadcast_to(np.eye(n), (len(mean), n, n))
+    if 2 * meshes <= n:
+        directions = np.swapaxes(np.linalg.qr(np.swapaxes(pattern.elastic.directions, -1, -2))[0], -1, -2)
+    change = pattern.stiffness - (mean[:, :, None] * np.eye(n))[:, None]
+    return directions[:, None] @ change @ pattern.modes, directions
 
 
 def names(

@@ -27,7 +27,7 @@ from gearstab.floquet.segments.decouple import SURE, adapted, close, cluster_sta
 from gearstab.floquet.segments.pattern import Pattern, merged
 from gearstab.floquet.segments.reduction import Elastic
 from gearstab.grouping import equal_rows
-from gearstab.modal import natural_scale, rounded
+from gearstab.modal import natural_scale, rounded, symmetric_eigen
 from gearstab.system import Array
 
 SMALLEST = 1e-6
@@ -187,10 +187,23 @@ def _blocks(pattern: Pattern, basis: Array, turned: Array, scale: Array, none: A
             and _equal(size[k], size[j], none)
         ]
         taken.update(copies)
-        own = basis[:, :, part]
+        own = _natural(basis[:, :, part], values[k][:, -1], scale[:, part], none)
         elastic = _projected(pattern.elastic, own, k == owner)
         for index, state in equal_rows(_distinct(values[k][:, :states], none)):
             yield Block(_merged_states(pattern, elastic, index, state), 1 + len(copies), own[index])
+
+
+def _natural(basis: Array, mean: Array, scale: Array, none: Array) -> Array:
+    """``(r, n, m)``: the coordinates of a block, turned into modes of its mean stiffness ``(r, m, m)``, over scale times
+    scale: those of nearly equal frequencies have been mixed to separate the blocks.
+    """
+    mixed = (np.abs(mean) * ~np.eye(mean.shape[1], dtype=bool)).max(axis=(1, 2)) > none
+    if not mixed.any():
+        return basis
+    turned = basis.copy()
+    own = mean[mixed] * scale[mixed, :, None] * scale[mixed, None, :]
+    turned[mixed] = basis[mixed] @ symmetric_eigen(own)[1]
+    return turned
 
 
 def _hub(pattern: Pattern, basis: Array, parts: list[Array]) -> int:

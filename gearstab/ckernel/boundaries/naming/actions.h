@@ -5,8 +5,13 @@
 
        int u exp(-i w t) dt = V (w^2 - squared)^-1 V^T [(u' + i w u) exp(-i w t)]
 
-   between its ends: boundary values are all that is needed, and segments of the same state are summed before the division.
-   Points of a row run side by side in vector registers. */
+   between its ends: boundary values are all that is needed, and segments of the same state are summed before the division. In the
+   modes of the mean system, with squared frequencies m,
+
+       T (w^2 - m) c_k = sum over states of (K_s - m) int u exp(-i w t) dt,
+
+   in which K_s - m has no more than the few directions that the meshes act in. Points of a row run side by side in vector
+   registers. */
 
 #ifndef GEARSTAB_ACTIONS_H
 #define GEARSTAB_ACTIONS_H
@@ -30,10 +35,10 @@ struct change {
 struct actors {
     struct spectra *spectra;
     struct row row; /* of the coarse pattern */
-    int64_t n, segments, states, most; /* most: room for shares of a point */
+    int64_t n, segments, states, directions, most; /* most: room for shares of a point */
     struct change *change; /* by states, */
     int64_t *changes;      /* (D + 1,), where those of a state begin */
-    double *modes;     /* (D, n, n) of the row: from the modes of a state to the mean ones */
+    const double *across, *direction, *mean; /* of the row, see struct acting */
     double *begins;    /* (S,), t/T */
     double *turn, *step; /* (S, 2), exp(-2 pi i k t/T), and what it changes by from one harmonic to the next */
     double highest;    /* of the frequencies of all states of the row */
@@ -43,7 +48,8 @@ struct actors {
     struct pair *ends;  /* (S, 2, 2n), u and u' where a segment begins in the modes of its state and of the one before, without
                            exp((g + i phi) t/T) */
     struct pair *jump;  /* (2, n), sums of boundary values of a state for two harmonics, k and -k, in its modes */
-    struct pair *total; /* (2, n), and what follows of all states */
+    struct pair *force; /* (2, directions), what follows of all states, */
+    struct pair *total; /* (2, n), and of the directions */
     vec *growth, *angle; /* (n,), of the multipliers */
     vec *wave;          /* (3, n), cos, sin/w, -w sin of a segment */
     vec *kept;          /* (2n, 2n), the matrices by columns */
@@ -78,12 +84,13 @@ static void order_changes(struct actors *a, const struct conservative *p) {
     a->changes[p->states] = count;
 }
 
-static int actors_new(struct actors *a, const struct conservative *exact, const struct conservative *coarse) {
+static int actors_new(struct actors *a, const struct conservative *exact, const struct conservative *coarse,
+                      int64_t directions) {
     size_t n = (size_t)exact->n, segments = (size_t)coarse->segments, states = (size_t)coarse->states;
-    *a = (struct actors){.n = exact->n, .segments = coarse->segments, .states = coarse->states};
+    *a = (struct actors){.n = exact->n, .segments = coarse->segments, .states = coarse->states, .directions = directions};
     a->most = LEADING * LEADING * exact->n;
     a->spectra = spectra_new(exact);
-    vec *room = vectors((int64_t)(2 * (2 * n * (5 + 2 * segments)) + 5 * n + 16 * n * n), &a->memory);
+    vec *room = vectors((int64_t)(2 * (2 * n * (5 + 2 * segments)) + 5 * n + 16 * n * n) + 4 * directions, &a->memory);
     double *plain = malloc((5 * segments + states + 1) * sizeof *plain);
     a->plain = plain;
     a->found = malloc(LANES * (size_t)a->most * sizeof *a->found);
@@ -92,7 +99,7 @@ static int actors_new(struct actors *a, const struct conservative *exact, const 
         return -1;
     a->start = (struct pair *)room, a->now = a->start + 2 * n, a->next = a->now + 2 * n, a->ends = a->next + 2 * n;
     a->jump = a->ends + 4 * n * segments, a->total = a->jump + 2 * n;
-    a->growth = (vec *)(a->total + 2 * n), a->angle = a->growth + n, a->wave = a->angle + n, a->kept = a->wave + 3 * n;
+    a->force = a->total + 2 * n, a->growth = (vec *)(a->force + 2 * directions), a->angle = a->growth + n, a->wave = a->angle + n, a->kept = a->wave + 3 * n;
     a->factors = (struct pair *)(a->kept + 4 * n * n), a->exchanged = (mask *)(a->factors + 4 * n * n);
     a->begins = plain, a->turn = a->begins + segments, a->step = a->turn + 2 * segments;
     a->changes = (int64_t *)(a->step + 2 * segments);
@@ -186,30 +193,42 @@ INLINE void sum_jumps(struct actors *a, int64_t n, int64_t state, const struct p
     }
 }
 
+/* Divided by w^2 - squared. */
+INLINE struct pair responding(struct pair from, struct pair square, double squared) {
+    vec x = square.re - squared, y = square.im, over = 1.0 / larger(x * x + y * y, all(DBL_MIN));
+    return times(from, (struct pair){x * over, -y * over});
+}
+
 /* total (2, n) = T c_k of two harmonics k and -k with frequencies w (2,). */
 INLINE void amplitudes(struct actors *a, const struct conservative *p, int64_t row, int64_t n, const struct pair *w) {
-    for (int64_t i = 0; i < 2 * n; i++)
-        a->total[i] = (struct pair){all(0.0), all(0.0)};
+    const struct pair zero = {all(0.0), all(0.0)}, square[2] = {times(w[0], w[0]), times(w[1], w[1])};
+    int64_t count = a->directions;
+    for (int64_t m = 0; m < 2 * count; m++)
+        a->force[m] = zero;
     for (int64_t d = 0; d < a->states; d++) {
-        const double *modes = a->modes + d * n * n, *squared = p->squared + (row * p->states + d) * n;
+        const double *across = a->across + d * count * n, *squared = p->squared + (row * p->states + d) * n;
         sum_jumps(a, n, d, w);
-        for (int side = 0; side < 2; side++) {
-            struct pair square = times(w[side], w[side]), *jump = a->jump + side * n;
+        for (int64_t i = 0; i < 2 * n; i++)
+            a->jump[i] = responding(a->jump[i], square[i / n], squared[i % n]);
+        for (int64_t m = 0; m < count; m++) {
+            struct pair plus = a->force[m], minus = a->force[count + m];
             for (int64_t j = 0; j < n; j++) {
-                vec x = square.re - squared[j], y = square.im, over = 1.0 / larger(x * x + y * y, all(DBL_MIN));
-                jump[j] = times(jump[j], (struct pair){x * over, -y * over});
+                vec part = all(across[m * n + j]);
+                plus.re += part * a->jump[j].re, plus.im += part * a->jump[j].im;
+                minus.re += part * a->jump[n + j].re, minus.im += part * a->jump[n + j].im;
             }
-        }
-        for (int64_t i = 0; i < n; i++) {
-            struct pair plus = a->total[i], minus = a->total[n + i];
-            for (int64_t j = 0; j < n; j++) {
-                vec mode = all(modes[i * n + j]);
-                plus.re += mode * a->jump[j].re, plus.im += mode * a->jump[j].im;
-                minus.re += mode * a->jump[n + j].re, minus.im += mode * a->jump[n + j].im;
-            }
-            a->total[i] = plus, a->total[n + i] = minus;
+            a->force[m] = plus, a->force[count + m] = minus;
         }
     }
+    for (int64_t side = 0; side < 2; side++)
+        for (int64_t i = 0; i < n; i++) {
+            struct pair sum = zero;
+            for (int64_t m = 0; m < count; m++) {
+                vec part = all(a->direction[m * n + i]);
+                sum.re += part * a->force[side * count + m].re, sum.im += part * a->force[side * count + m].im;
+            }
+            a->total[side * n + i] = responding(sum, square[side], a->mean[i]);
+        }
 }
 
 /* Keep parts where they belong among the largest, largest first. */
@@ -358,12 +377,12 @@ static int next_multipliers(const struct actors *a, int64_t *which) {
 }
 
 /* The shares at points first..last-1, of rows in ascending order, see kernel.h. */
-static int shares(const struct conservative *exact, const struct conservative *coarse, const double *modes,
+static int shares(const struct conservative *exact, const struct conservative *coarse, const struct acting *acting,
                   const double *turn, int64_t first, int64_t last, const int64_t *row, const double *cycle,
                   struct shares *kept) {
     struct actors a;
-    int failed = actors_new(&a, exact, coarse);
-    int64_t n = exact->n, before = -1;
+    int failed = actors_new(&a, exact, coarse, acting->count);
+    int64_t n = exact->n, forces = acting->count * n, before = -1;
     for (int64_t begin = first, end; !failed && begin < last && !gearstab_stopped(); begin = end) {
         int64_t own = row[begin], counts[LANES] = {0}, which[LANES];
         for (end = begin + 1; end < last && end < begin + LANES && row[end] == own; end++)
@@ -371,7 +390,8 @@ static int shares(const struct conservative *exact, const struct conservative *c
         if (own != before)
             row_set(&a.spectra->row, exact, own), set_row(&a, coarse, own);
         before = own;
-        a.modes = (double *)modes + own * coarse->states * n * n;
+        a.across = acting->across + own * coarse->states * forces;
+        a.direction = acting->direction + own * forces, a.mean = acting->mean + own * n;
         vec turns = exact->cycles * load_part(cycle + begin, 0, end - begin);
         multipliers(&a, turns, end - begin);
         for (int64_t lane = 0; lane < LANES; lane++)

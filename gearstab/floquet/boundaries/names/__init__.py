@@ -114,19 +114,20 @@ class Names:
         return result
 
 
-def named(pattern: Pattern, intervals: Intervals, frequency: Array) -> tuple[Names, Array]:
+def named(pattern: Pattern, intervals: Intervals, squared: Array) -> tuple[Names, Array]:
     """The roots of each region, modes counted from 0, and the number of evaluations of each row.
 
-    intervals: by row; frequency: ``(r, n)``, of the mean systems in the pattern's units.
+    intervals: by row; squared: ``(r, n)``, frequencies of the mean systems in the pattern's units, squared.
     """
     owner, row, cycle = _points(intervals)
     extra = np.bincount(row, minlength=len(pattern.rows))
     turn = first_modes(pattern, np.arange(len(pattern.rows)))
-    shares = c_boundaries.shares(exact(pattern), pattern, turn, row, cycle)
+    shares = c_boundaries.shares(exact(pattern), pattern, squared, turn, row, cycle)
     shares["point"] = owner[shares["point"]]
     middle = 0.5 * (intervals.start + intervals.stop)
     # Where the range cuts a region its meetings are not all there.
     meetings = np.where(np.any(intervals.cut, axis=1, keepdims=True), 0, intervals.meetings)
+    frequency = np.sqrt(np.maximum(squared, 0.0))
     known = c_boundaries.names(frequency, pattern.cycles, intervals.row, middle, intervals.passed, meetings, shares)
     found = Names(known["region"], np.stack([known[name] for name in ("p", "q", "cycles")], axis=1))
     return coupled(pattern, intervals, found), extra
