@@ -180,7 +180,8 @@ struct level {
     void (*spectra_free)(void *spectra);
     double (*spectra_row)(void *spectra, int64_t row);
     void (*spectra_window)(void *spectra, double first, double last);
-    void (*spectra_at)(void *spectra, int64_t count, const double *cycle, double *angle, double *growth, double *size);
+    void (*spectra_at)(void *spectra, int64_t count, const double *cycle, double *angle, double *growth, double *size,
+                       double *taken);
     void (*spectra_below)(void *spectra, int64_t count, int64_t room, const double *cycle, const int64_t *lines,
                           const double *angle, int64_t *below);
     /* Points first..last-1, ordered by row: the shares of their unstable solutions. exact gives the matrices, coarse, of the same

@@ -177,7 +177,8 @@ def test_no_rows_and_no_regions() -> None:
     edges, reach = c_boundaries.edges(pattern, pattern, first, first * 1.0001, TOLERANCE, FLOOR, FLOOR, 1.0)
     assert len(edges) == 0
     assert reach["evaluations"][0] > 0
-    assert len(c_boundaries.shares(pattern, pattern, np.eye(3)[None], np.zeros(0, dtype=int), np.zeros(0))) == 0
+    mean, turn, none = np.ones((1, 3)), np.eye(3)[None], np.zeros(0)
+    assert len(c_boundaries.shares(pattern, pattern, mean, turn, none.astype(int), none)) == 0
 
 
 def test_names_of_a_row_with_very_many_regions() -> None:

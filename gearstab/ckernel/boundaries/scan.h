@@ -19,7 +19,7 @@
 static void read_point(struct window *w, int i, int then, double cycle, double later) {
     int64_t n = w->n;
     struct sample *s = at(w, w->samples + i);
-    s->cycle = cycle;
+    s->cycle = cycle, s->taken = w->taken[i];
     sample_read(s, n, later - cycle, w->angle + i * n, w->growth + i * n, w->size[i], w->angle + then * n, w->growth + then * n,
                 w->items, w->position);
 }
@@ -36,7 +36,7 @@ static int evaluate(struct window *w, int count) {
             return -1;
     for (int i = 0; i < count; i++)
         later[i] = cycle[i] * (1.0 + w->step * w->shorter[i]);
-    w->order->level->spectra_at(w->spectra, 2 * count, cycle, w->angle, w->growth, w->size);
+    w->order->level->spectra_at(w->spectra, 2 * count, cycle, w->angle, w->growth, w->size, w->taken);
     for (int i = 0; i < count; i++)
         read_point(w, i, count + i, cycle[i], later[i]);
     /* Where several pairs leave the circle or come back within a step, as those of nearly identical parts do, a shorter one tells. */
@@ -51,7 +51,8 @@ static int evaluate(struct window *w, int count) {
             later[again++] = s->cycle + SHORT * s->step;
         }
         left = again;
-        w->order->level->spectra_at(w->spectra, left, later, w->angle + count * n, w->growth + count * n, w->size + count);
+        w->order->level->spectra_at(w->spectra, left, later, w->angle + count * n, w->growth + count * n, w->size + count,
+                                    w->taken + count);
         for (int i = 0; i < left; i++)
             read_point(w, w->again[i], count + i, at(w, w->samples + w->again[i])->cycle, later[i]);
     }

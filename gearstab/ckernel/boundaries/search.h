@@ -36,6 +36,7 @@ struct off {
    1; indexed: whether it is known. */
 struct sample {
     double cycle, step, noise; /* step: to the second point; noise: rounding errors of rho = lambda + 1/lambda */
+    double taken; /* imaginary parts of rho that were taken for such errors */
     int64_t index;
     int stable, known, indexed;
     int letters, offs;

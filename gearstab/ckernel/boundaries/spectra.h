@@ -147,8 +147,9 @@ static void traces_of(vec *x, int64_t n, vec *real, vec *imaginary, vec *work) {
 /* Take back what rounding errors have parted several equal rho by, as identical parts have them. Each of two such groups that are
    coupled and lie apart by d has a condition of 1/d, so that errors of size `noise` become noise/d: an imaginary part of that
    size, small beside d, is one of real rho. That of a quadruple, or of several, has no other group beside it, but where parts
-   are nearly identical the rho of its twin. Two groups have at least four members. */
-static void settle_equals(int64_t n, const vec *real, vec *imaginary, vec noise) {
+   are nearly identical the rho of its twin. Two groups have at least four members. Returns the largest that was taken back. */
+static vec settle_equals(int64_t n, const vec *real, vec *imaginary, vec noise) {
+    vec taken = all(0.0);
     for (int64_t i = 0; n > 3 && i < n; i++) {
         vec size = magnitude(imaginary[i]), apart = all(1.0);
         mask doubtful = (size > noise) & (size < SMALL_PART);
@@ -162,10 +163,12 @@ static void settle_equals(int64_t n, const vec *real, vec *imaginary, vec noise)
             apart = choose(group & (distance * BESIDE_OTHERS >= size), smaller(apart, distance), apart);
         }
         mask equal = doubtful & (size * apart <= noise);
+        taken = choose(equal, larger(size, taken), taken);
         /* The conjugate has the same neighbours, and the same answer. */
         for (int64_t j = 0; any(equal) && j < n; j++)
             imaginary[j] = choose(equal & (real[j] == real[i]) & (magnitude(imaginary[j]) == size), all(0.0), imaginary[j]);
     }
+    return taken;
 }
 
 /* A row and room for its points. */
@@ -261,8 +264,10 @@ INLINE vec balanced_matrix(struct spectra *s, vec period, vec *magnified) {
     return scale;
 }
 
-/* Points cycle (count,): angle and growth (count, n), and the largest entry of M, infinite where it is beyond all digits. */
-static void spectra_at(void *given, int64_t count, const double *cycle, double *angle, double *growth, double *size) {
+/* Points cycle (count,): angle and growth (count, n), the largest entry of M, infinite where it is beyond all digits, and the largest
+   imaginary part of rho that was taken for rounding errors of equal ones. */
+static void spectra_at(void *given, int64_t count, const double *cycle, double *angle, double *growth, double *size,
+                       double *taken) {
     struct spectra *s = given;
     int64_t n = s->row.n;
     vec *x = s->room.x, *real = s->room.real, *imaginary = s->room.imaginary, *work = s->room.work;
@@ -271,7 +276,7 @@ static void spectra_at(void *given, int64_t count, const double *cycle, double *
         vec largest = magnified * larger(largest_entry(x, 4 * n * n), all(1.0));
         traces_of(x, n, real, imaginary, work);
         vec noise = NOISE * largest;
-        settle_equals(n, real, imaginary, noise);
+        store_part(taken, k, count, settle_equals(n, real, imaginary, noise));
         for (int64_t i = 0; i < n; i++) {
             vec own, phi = angle_of(real[i], imaginary[i], noise, &own);
             for (int64_t lane = 0; lane < LANES && k + lane < count; lane++) {

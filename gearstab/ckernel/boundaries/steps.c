@@ -20,7 +20,6 @@
 #define NARROW_BRACKET 0.05 /* step to the second point over the width of a bracket so narrow that its cubic is exact */
 #define AT_ONCE 0.1 /* of the floor: events that are predicted this near to each other are taken for one */
 #define ASIDE 0.1 /* of the distance of an edge from the nearer end of its bracket */
-#define BESIDE_OTHERS 0.1 /* as in spectra.h */
 #define COUPLED 0x1p-9 /* rho nearer to each other than this are those of like parts, which are not coupled */
 #define INSIDE 0.05 /* of the bracket: no proposal for an open one is nearer to its ends */
 
@@ -174,7 +173,7 @@ static double apart_from_others(const struct sample *in, double angle, int own) 
    rho of pairs that are coupled are eigenvalues of a 2 x 2 block with entries ~ 2 sin(angle) sqrt(-F) inside the tongue, which
    is wrong by noise, and beside others in a distance d by noise/d: that moves the edge by noise/sin(angle) over the speed at which
    the two approach, at least a turn in a cycle; and the block says nothing at all of an imaginary part below noise,
-   F = -(noise/sin(angle))^2, or below noise/d where that was taken back. Where the angle is so small that this would be more, rho
+   F = -(noise/sin(angle))^2, or of one that was taken for rounding errors. Where the angle is so small that this would be more, rho
    tells by being beyond 2, as of a single pair. No error of F moves an edge by more than its root over that speed, F being a
    parabola. */
 double blurred(const struct sample *left, const struct sample *right, const struct finding *found) {
@@ -182,16 +181,17 @@ double blurred(const struct sample *left, const struct sample *right, const stru
     int known = found->left >= 0 && found->right >= 0;
     double noise = in->noise, turn = left->cycle / (2.0 * PI);
     const struct off *off = known ? out->off + (left->stable ? found->right : found->left) : nearest_edge(out);
-    const struct gap *gap = known ? in->gap + (left->stable ? found->left : found->right) : NULL;
     if (!off)
         return noise * turn;
+    const struct gap *gap = known ? in->gap + (left->stable ? found->left : found->right)
+                            : off->place == ELSEWHERE ? NULL : in->gap + (off->place == AT_ONE ? 0 : in->letters);
     int equal = settled(out, off, gap);
     double slope = fabs(off->slope), unseen = noise, moved = noise * turn;
     double apart = apart_from_others(in, off->angle, off->place == ELSEWHERE || equal ? 2 : 1);
     if (in->letters > 3) {
         moved /= fmin(fmax(apart, COUPLED), 1.0);
         if (equal)
-            unseen = fmax(noise, fmin(noise / apart, BESIDE_OTHERS * apart));
+            unseen = fmax(noise, fmax(in->taken, out->taken));
     }
     /* At 1 or -1 of the nearest angle at which another pair is. */
     double sine = off->place == ELSEWHERE ? sin(off->angle) : apart < 2.0 ? sqrt(apart - 0.25 * apart * apart) : 1.0;

@@ -59,7 +59,7 @@ struct window {
     struct bracket *open, *next; /* of this round and of the next */
     int opens, nexts, bracket_room;
     struct finding *found;                 /* of the open brackets that ask for a point */
-    double *cycle, *angle, *growth, *size; /* points asked for and those a step later */
+    double *cycle, *angle, *growth, *size, *taken; /* points asked for and those a step later */
     double *shorter;                       /* the step of each point over `step` */
     int *again; /* points whose second one is to be nearer */
     int point_room;
@@ -142,7 +142,7 @@ static void window_free(struct window *w) {
         block_free(w->block[i]);
     free(w->block);
     free(w->open), free(w->next), free(w->found);
-    free(w->cycle), free(w->angle), free(w->growth), free(w->size), free(w->shorter), free(w->again);
+    free(w->cycle), free(w->angle), free(w->growth), free(w->size), free(w->taken), free(w->shorter), free(w->again);
     free(w->guess), free(w->fresh);
     free(w->items), free(w->position), free(w->phase);
     free(w->node), free(w->fresh_node), free(w->stretch), free(w->dense), free(w->line);
@@ -170,14 +170,16 @@ static int room_for_points(struct window *w, int count) {
     if (count <= w->point_room)
         return 0;
     size_t room = (size_t)count + 64;
-    free(w->cycle), free(w->angle), free(w->growth), free(w->size), free(w->shorter), free(w->again);
+    free(w->cycle), free(w->angle), free(w->growth), free(w->size), free(w->taken), free(w->shorter), free(w->again);
     w->again = malloc(room * sizeof(int));
     w->cycle = malloc(2 * room * sizeof(double));
     w->angle = malloc(2 * room * (size_t)w->n * sizeof(double));
     w->growth = malloc(2 * room * (size_t)w->n * sizeof(double));
     w->size = malloc(2 * room * sizeof(double));
+    w->taken = malloc(2 * room * sizeof(double));
     w->shorter = malloc(room * sizeof(double));
-    w->point_room = w->cycle && w->angle && w->growth && w->size && w->shorter && w->again ? (int)room : 0;
+    int all = w->cycle && w->angle && w->growth && w->size && w->taken && w->shorter && w->again;
+    w->point_room = all ? (int)room : 0;
     return w->point_room ? 0 : -1;
 }
 

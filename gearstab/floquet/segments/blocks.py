@@ -194,8 +194,8 @@ def _blocks(pattern: Pattern, basis: Array, turned: Array, scale: Array, none: A
 
 
 def _natural(basis: Array, mean: Array, scale: Array, none: Array) -> Array:
-    """``(r, n, m)``: the coordinates of a block, turned into modes of its mean stiffness ``(r, m, m)``, over scale times
-    scale: those of nearly equal frequencies have been mixed to separate the blocks.
+    """``(r, n, m)``: the coordinates of a block, turned into modes of its mean stiffness ``(r, m, m)``, which is given
+    over scale times scale: those of nearly equal frequencies have been mixed to separate the blocks.
     """
     mixed = (np.abs(mean) * ~np.eye(mean.shape[1], dtype=bool)).max(axis=(1, 2)) > none
     if not mixed.any():

@@ -19,6 +19,7 @@
 #define BAND 1.25  /* harmonics up to this times the largest frequency of any state */
 #define LEADING 5 /* parts of each sign that are looked at, */
 #define LEAST 1e-3 /* unless they carry less than this of the action of their sign */
+#define EQUAL 1e-9 /* relative difference of squared frequencies of modes that are alike */
 #define LARGEST_MATRIX 1e6 /* entries of M above this leave too few digits, as in points.py */
 
 /* Parts of the action of one sign: the largest ones, and which they are: harmonic times n plus mode. */
@@ -36,6 +37,7 @@ struct actors {
     struct spectra *spectra;
     struct row row; /* of the coarse pattern */
     int64_t n, segments, states, directions, most; /* most: room for shares of a point */
+    int64_t *alike;        /* (n,), the first mode of the same frequency in the mean system */
     struct change *change; /* by states, */
     int64_t *changes;      /* (D + 1,), where those of a state begin */
     const double *across, *direction, *mean; /* of the row, see struct acting */
@@ -64,6 +66,7 @@ static void actors_free(struct actors *a) {
     free(a->plain);
     free(a->found);
     free(a->change);
+    free(a->alike);
 }
 
 /* All changes of state of a period: each state is left as often as it is entered. */
@@ -88,14 +91,15 @@ static int actors_new(struct actors *a, const struct conservative *exact, const 
                       int64_t directions) {
     size_t n = (size_t)exact->n, segments = (size_t)coarse->segments, states = (size_t)coarse->states;
     *a = (struct actors){.n = exact->n, .segments = coarse->segments, .states = coarse->states, .directions = directions};
-    a->most = LEADING * LEADING * exact->n;
+    a->most = LEADING * LEADING * exact->n * exact->n;
     a->spectra = spectra_new(exact);
     vec *room = vectors((int64_t)(2 * (2 * n * (5 + 2 * segments)) + 5 * n + 16 * n * n) + 4 * directions, &a->memory);
     double *plain = malloc((5 * segments + states + 1) * sizeof *plain);
     a->plain = plain;
     a->found = malloc(LANES * (size_t)a->most * sizeof *a->found);
     a->change = malloc(segments * sizeof *a->change);
-    if (row_new(&a->row, coarse) || !a->spectra || !room || !plain || !a->found || !a->change)
+    a->alike = malloc(n * sizeof *a->alike);
+    if (row_new(&a->row, coarse) || !a->spectra || !room || !plain || !a->found || !a->change || !a->alike)
         return -1;
     a->start = (struct pair *)room, a->now = a->start + 2 * n, a->next = a->now + 2 * n, a->ends = a->next + 2 * n;
     a->jump = a->ends + 4 * n * segments, a->total = a->jump + 2 * n;
@@ -269,17 +273,20 @@ static int leading_parts(struct weighed *parts, int64_t n, int64_t lane, const s
     return count;
 }
 
-/* Pair the leading parts of both signs in a lane; returns how many shares its point has then. */
-static int64_t pair_parts(struct share *found, int64_t count, int64_t n, int64_t lane, const struct leader *up,
-                          const struct leader *down, const vec *sum, int64_t point) {
+/* Pair the leading parts of both signs in a lane; returns how many shares its point has then. Modes that are alike have all that
+   any of them has: which of several solutions is whose is a matter of rounding. */
+static int64_t pair_parts(struct share *found, int64_t count, int64_t n, const int64_t *alike, int64_t lane,
+                          const struct leader *up, const struct leader *down, const vec *sum, int64_t point) {
     struct weighed plus[LEADING], minus[LEADING];
     int ups = leading_parts(plus, n, lane, up, sum[0][lane]), downs = leading_parts(minus, n, lane, down, sum[1][lane]);
     for (struct weighed *x = plus; x < plus + ups; x++)
-        for (struct weighed *y = minus; y < minus + downs; y++) {
-            int64_t p = x->mode < y->mode ? x->mode : y->mode, q = x->mode < y->mode ? y->mode : x->mode;
-            double share = x->share < y->share ? x->share : y->share;
-            count = keep_share(found, count, (struct share){point, p, q, x->harmonic - y->harmonic, share});
-        }
+        for (struct weighed *y = minus; y < minus + downs; y++)
+            for (int64_t i = x->mode; i < n && alike[i] == x->mode; i++)
+                for (int64_t j = y->mode; j < n && alike[j] == y->mode; j++) {
+                    double share = x->share < y->share ? x->share : y->share;
+                    struct share own = {point, i < j ? i : j, i < j ? j : i, x->harmonic - y->harmonic, share};
+                    count = keep_share(found, count, own);
+                }
     return count;
 }
 
@@ -299,12 +306,16 @@ INLINE void weigh(struct actors *a, const struct conservative *p, int64_t row, i
         amplitudes(a, p, row, n, w);
         for (int64_t side = 0; side < (k ? 2 : 1); side++) {
             int64_t harmonic = side ? -k : k;
+            vec action = all(0.0);
             for (int64_t i = 0; i < n; i++) {
                 struct pair c = a->total[side * n + i];
-                vec action = choose(within, w[side].re * (c.re * c.re + c.im * c.im), all(0.0));
+                action += choose(within, w[side].re * (c.re * c.re + c.im * c.im), all(0.0));
+                if (i + 1 < n && a->alike[i + 1] == a->alike[i])
+                    continue;
                 sum[0] += larger(action, all(0.0)), sum[1] += larger(-action, all(0.0));
-                vec part = all((double)(harmonic * n + i));
+                vec part = all((double)(harmonic * n + a->alike[i]));
                 lead(up, action, part), lead(down, -action, part);
+                action = all(0.0);
             }
         }
         for (int64_t s = 0; s < a->segments; s++) {
@@ -327,7 +338,7 @@ INLINE void solutions(struct actors *a, const struct conservative *p, int64_t ro
     weigh(a, p, row, n, turns, g, phi, up, down, sum);
     for (int64_t lane = 0; lane < LANES; lane++)
         if (which[lane] < n)
-            counts[lane] = pair_parts(a->found + lane * a->most, counts[lane], n, lane, up, down, sum, begin + lane);
+            counts[lane] = pair_parts(a->found + lane * a->most, counts[lane], n, a->alike, lane, up, down, sum, begin + lane);
 }
 
 static int keep_shares(struct shares *kept, const struct share *found, int64_t count) {
@@ -392,6 +403,8 @@ static int shares(const struct conservative *exact, const struct conservative *c
         before = own;
         a.across = acting->across + own * coarse->states * forces;
         a.direction = acting->direction + own * forces, a.mean = acting->mean + own * n;
+        for (int64_t i = 0; i < n; i++)
+            a.alike[i] = i && fabs(a.mean[i] - a.mean[i - 1]) <= EQUAL * fabs(a.mean[i]) ? a.alike[i - 1] : i;
         vec turns = exact->cycles * load_part(cycle + begin, 0, end - begin);
         multipliers(&a, turns, end - begin);
         for (int64_t lane = 0; lane < LANES; lane++)
