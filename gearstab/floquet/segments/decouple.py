@@ -64,7 +64,7 @@ cent of all cases."""
 def close(values: Array, part: float) -> Array:
     """``(r, n - 1)``: which neighbours among ascending eigenvalues ``(r, n)`` differ by less than a part of them."""
     size = np.maximum(np.abs(values[:, 1:]), np.abs(values[:, :-1]))
-    return np.diff(values, axis=1) <= part * size
+    return values[:, 1:] - values[:, :-1] <= part * size
 
 
 def cluster_start(values: Array) -> Array:
