@@ -147,7 +147,7 @@ def test_a_referee_reads_two_hundred_lines() -> None:
 def test_a_part_of_a_gearbox_of_33_coordinates_is_proved(
     monkeypatch: pytest.MonkeyPatch, changes: list[str], count_of_segments: int, every: int
 ) -> None:
-    """Of the segments of its common period one sort in so many, over 5 % of the speed."""
+    """One sort in so many of the segments of its common period, over 5 % of the speed."""
     known = flow(segments(build(load(GEARBOX, changes).system))[0])
     assert len(known.states) == count_of_segments
     falls, count = lyapunov._falls_inside, [0, 0]
