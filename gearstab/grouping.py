@@ -31,7 +31,11 @@ def equal_rows(table: Array) -> Iterator[tuple[Array, Array]]:
     """(members, row) for each distinct row of ``table`` (rows, columns), in lexicographic order; members ascend."""
     if len(table) == 0:
         return
-    code = _codes(table)
+    varied = np.ptp(table, axis=0) > 0
+    if not varied.any():
+        yield np.arange(len(table)), table[0]
+        return
+    code = _codes(table[:, varied])
     order = np.argsort(code, kind="stable")
     starts = np.flatnonzero(np.diff(code[order], prepend=code[order[0]] - 1))
     for members in np.split(order, starts[1:]):
@@ -47,7 +51,7 @@ def numbered(count: Array) -> tuple[Array, Array]:
 def _codes(table: Array) -> Array:
     """``(rows,)``, one integer a row, ordered as the rows are."""
     code, limit = np.zeros(len(table), dtype=np.int64), 1
-    for column in table.T[np.ptp(table, axis=0) > 0]:
+    for column in table.T:
         lowest = int(column.min())
         span = int(column.max()) - lowest + 1
         if limit * span > LARGEST:

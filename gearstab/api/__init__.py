@@ -173,10 +173,9 @@ def floquet(system: GearSystem | Source, mesh_frequency: ArrayLike, **options: A
     Raises NotPossible, a ValueError, where the method does not fit the system, and ConfigError for wrong options.
     """
     built = as_system(system)
-    # A masked entry has no value, whatever lies under the mask.
     omega: Array = np.asarray(mesh_frequency, dtype=float)
-    omega = np.where(np.ma.getmaskarray(np.ma.asarray(mesh_frequency)), np.nan, omega)
-    if not (np.isfinite(omega) & (omega > 0)).all():
+    # A masked entry has no value, whatever lies under the mask.
+    if np.ma.is_masked(mesh_frequency) or not ((omega > 0) & (omega < np.inf)).all():
         raise NotPossible("mesh frequencies must be positive numbers")
     method = _method("floquet", options, built)
     values = method.run(np.ravel(omega)).values

@@ -40,6 +40,8 @@ def single_pair(coupling: Array, mu_p: Array, mu_q: Array) -> tuple[Array, Array
 
     coupling: |G| >= 0. Returns (half_width, threshold); the threshold is the factor on G at which the tongue opens.
     """
+    if not (mu_p.any() or mu_q.any()):
+        return coupling, np.zeros_like(coupling)
     return product_pair(0.25 * coupling**2 + 0j, mu_p, mu_q)[1:]
 
 

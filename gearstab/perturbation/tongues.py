@@ -260,6 +260,8 @@ def modal_terms(system: GearSystem, modes: Modes) -> ModalTerms:
 
 def _projected(system: GearSystem, modes: Modes, vectors: list[Array]) -> Array:
     """Phi^T u of all vectors, ``(rows, n, vectors)``."""
+    if not vectors:
+        return np.zeros((system.rows, system.size, 0))
     parts = np.zeros((*system.batch, system.size, len(vectors)))
     for j, vector in enumerate(vectors):
         parts[..., j] = np.einsum("...np,...n->...p", modes.shapes, vector)

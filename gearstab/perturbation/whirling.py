@@ -117,7 +117,8 @@ class MeanRow:
         found = np.full((3, len(wanted)), np.nan)
         step = max(1, ENTRIES_AT_ONCE // max(1, self.form.size**2))
         there = np.flatnonzero(np.isfinite(root))
-        parts = {id(force): self._harmonics(force) for force, *_ in wanted}
+        forces = {id(force): force for force, *_ in wanted}
+        parts = {key: self._harmonics(force) for key, force in forces.items()}
         for begin in range(0, len(there), step):
             part = there[begin : begin + step]
             for k, motions in zip(part, self._motions(root[part]), strict=True):

@@ -129,7 +129,8 @@ class VariableLayout:
 
     def encoded(self, values: Array) -> list[bytes]:
         """Return the chunks of a block with these values over its axes: one, or one an entry of the list."""
-        return [encode(item, self.piece) for item in (values if self.variable.listed else [values])]
+        piece = self.piece
+        return [encode(item, piece) for item in (values if self.variable.listed else [values])]
 
     def decoded(self, data: bytes, block: GridBlock) -> Array:
         """Return the values of a chunk of a block, without what it is filled up with."""

@@ -6,7 +6,7 @@ kind of system lists its coordinates and elements, and every number may have a b
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.config.model import given
 from gearstab.mesh import Connection, MachineElement, Mesh
 from gearstab.system import Array, GearSystem
 from gearstab.systems.forcing import with_damping, with_forcing
@@ -32,6 +33,11 @@ def total(*rows: Row) -> dict[str, Any]:
     return found
 
 
+def _batch(values: Iterable[Any]) -> tuple[int, ...]:
+    """Return the batch shape of values, most of which are plain numbers."""
+    return np.broadcast_shapes(*(value.shape for value in values if isinstance(value, np.ndarray)))
+
+
 @dataclass(frozen=True)
 class Coordinates:
     """The coordinates of a system by name, each with its unit, m or rad."""
@@ -45,15 +51,15 @@ class Coordinates:
 
     def vector(self, row: Row) -> Array:
         """Return a row as an array ``(..., n)``."""
-        result = np.zeros((*np.broadcast_shapes(*map(np.shape, row.values())), len(self.units)))
+        result = np.zeros((*_batch(row.values()), len(self.units)))
         for name, value in row.items():
             result[..., self.index[name]] += value
         return result
 
     def stamped(self, rows: Sequence[tuple[Row, Any]]) -> Array:
         """Return sum a r^T r ``(..., n, n)`` over pairs of a row r and a number a."""
-        shapes = (np.shape(value) for row, a in rows for value in (a, *row.values()))
-        total = np.zeros((*np.broadcast_shapes(*shapes), len(self.units), len(self.units)))
+        batch = _batch(value for row, a in rows for value in (a, *row.values()))
+        total = np.zeros((*batch, len(self.units), len(self.units)))
         for row, a in rows:
             for first, one in row.items():
                 for second, other in row.items():
@@ -112,12 +118,12 @@ class Assembly:
     def matrix(self, what: str) -> Array:
         """Return the ``mass``, ``stiffness`` or ``damping`` of all elements ``(..., n, n)``."""
         parts = [(element.row, getattr(element, what)) for element in self.elements]
-        return self.coordinates.stamped([(row, value) for row, value in parts if np.any(value)])
+        return self.coordinates.stamped([(row, value) for row, value in parts if given(value)])
 
     def _connections(self) -> Iterator[Connection]:
         """Yield the named springs that there are: with a row, and stiff in some row of the batch."""
         for item in self.elements:
-            if not item.name or not item.row or not np.any(item.stiffness):
+            if not item.name or not item.row or not given(item.stiffness):
                 continue
             turns = all(self.coordinates.units[name] == "rad" for name in item.row)
             k, c = (np.asarray(value, dtype=float) for value in (item.stiffness, item.damping))

@@ -104,16 +104,7 @@ def with_forcing(system: GearSystem, p: Any) -> GearSystem:
     ``cos``. A transmission error acts through the mesh's own damping too. ``backlash`` of a mesh, 2 b, and its
     ``backlash_zero``, which only the response heeds, come with it.
     """
-    meshes = tuple(
-        replace(
-            item,
-            transmission_error=None if part.transmission_error is None else Fourier.build(part.transmission_error),
-            damping=np.asarray(part.damping, dtype=float) if _constant_damping(part) else 0.0,
-            backlash=np.asarray(part.backlash, dtype=float) if given(part.backlash) else 0.0,
-            backlash_zero=part.backlash_zero,
-        )
-        for part, item in zip(p.meshes, system.meshes, strict=True)
-    )
+    meshes = tuple(_driven(item, part) for part, item in zip(p.meshes, system.meshes, strict=True))
     forces = tuple(
         PeriodicForce(
             part.name or f"force{i + 1}", vector(part.direction), Fourier.build(part),
@@ -123,6 +114,19 @@ def with_forcing(system: GearSystem, p: Any) -> GearSystem:
     )  # fmt: skip
     load = None if getattr(p, "load", None) is None else vector(p.load)
     return replace(system, meshes=meshes, forces=forces, load=load)
+
+
+def _driven(mesh: Mesh, p: Any) -> Mesh:
+    """The mesh with its transmission error, damping and backlash; most have none."""
+    if p.transmission_error is None and p.damping is None and p.backlash is None:
+        return mesh
+    return replace(
+        mesh,
+        transmission_error=None if p.transmission_error is None else Fourier.build(p.transmission_error),
+        damping=np.asarray(p.damping, dtype=float) if _constant_damping(p) else 0.0,
+        backlash=np.asarray(p.backlash, dtype=float) if given(p.backlash) else 0.0,
+        backlash_zero=p.backlash_zero,
+    )
 
 
 def _constant_damping(mesh: Any) -> bool:
@@ -171,6 +175,8 @@ def with_damping(system: GearSystem, p: Any) -> GearSystem:
     or with ``damping_follows_stiffness`` the periodic term c_i k_i(t)/k_gi g_i g_i^T. Exactly no damping stays None,
     so that the undamped theory applies.
     """
+    if not (given(p.damping_ratio) or p.damping or any(given(part.damping) for part in p.meshes)):
+        return system
     mean = system.mean_stiffness_matrix()
     parts: list[Array] = []
     if given(p.damping_ratio):

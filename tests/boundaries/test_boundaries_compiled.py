@@ -88,7 +88,7 @@ def test_random_trains(seed: int) -> None:
     item = random_train(seed)
     cycles = float(item.common_period()[0])
     highest = np.sqrt(np.linalg.eigvals(np.linalg.solve(item.mass, item.stiffness)).real.max() + 2)
-    for pattern, first, last in patterns(item, max(0.4, 0.05 * highest * cycles), 3 * highest):
+    for pattern, first, last in patterns(item, max(0.4, min(0.1 * cycles, 2.0) * highest), 3 * highest):
         found = compiled.search(pattern, first, last, TOLERANCE, FLOOR).intervals
         known = krein_search.search(pattern, first, last, TOLERANCE, FLOOR)
         check(found, known, len(first))

@@ -163,7 +163,7 @@ def test_a_mistake_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
     assert len(missing.stderr.strip().splitlines()) == 1
 
 
-LONG = {"parker_2009/contact_ratio", "parker_2009/gamma_sr", "drive_train", "waveforms/pairs"}
+LONG = {"drivetrains/helicopter", "parker_2009/contact_ratio", "parker_2009/gamma_sr", "drive_train", "waveforms/pairs"}
 """Dangerous speeds of these take seconds each, and others have all that they have."""
 
 

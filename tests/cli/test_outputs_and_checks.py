@@ -118,7 +118,7 @@ def test_masked_entries_are_refused(where: str) -> None:
     with pytest.raises(ValueError, match="masked entries, which have no value"):
         made[where]()
     with pytest.raises(ValueError, match="mesh frequencies must be positive numbers"):
-        gs.floquet({"system": system}, masked[1])
+        gs.floquet({"system": system}, masked[1] + 1.0)
     # A mask that hides nothing is none.
     assert gs.load({"system": system | {"mass": np.ma.array(np.eye(2))}}).kind == "matrices"
 

@@ -85,7 +85,7 @@ def test_tongues_by_signature(given: dict[str, Any], tongue: dict[str, Any]) -> 
 
 def edge(system: GearSystem, stable: float, unstable: float) -> float:
     """The boundary between two mesh frequencies, by the sign of the growth."""
-    for _ in range(80):
+    for _ in range(45):
         middle = 0.5 * (stable + unstable)
         if solve(system, np.array([middle])).stable[0, 0]:
             stable = middle

@@ -135,6 +135,13 @@ def histories(dofs: int, meshes: int) -> xr.DataTree:
     return made.tree(response=xr.Dataset(data, coords=coords))
 
 
+@pytest.fixture
+def unfitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Panels whose labels nobody breaks, which takes longer than all else where there are a dozen."""
+    monkeypatch.setattr("gearstab.plots.motions.response.fit_labels", lambda axes: None)
+
+
+@pytest.mark.usefixtures("unfitted")
 def test_many_coordinates_give_way_to_mesh_forces_and_energy() -> None:
     figure, artists = draw(histories(25, 8), dpi=50)
     labels = [ax.get_ylabel().replace("\n", " ") for ax in figure.axes]
@@ -144,6 +151,7 @@ def test_many_coordinates_give_way_to_mesh_forces_and_energy() -> None:
         draw(histories(25, 8), "response")
 
 
+@pytest.mark.usefixtures("unfitted")
 def test_the_largest_of_too_many_histories_are_drawn() -> None:
     _, artists = draw(histories(2, 20), dpi=50)
     ends = [line.get_ydata()[-1] for line in artists["lines"]]

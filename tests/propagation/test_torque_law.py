@@ -87,7 +87,7 @@ def test_input_torque_that_falls_with_the_speed_damps():
 def integrated(speed, start):
     """Mean mesh force and amplitude of its first harmonic, by an integration of the quadratic law itself.
 
-    start: a guess of a state of the motion; of its error 3e-4 is left after eight e-folds of the slowest decay.
+    start: a guess of a state of the motion; of its error 2 % is left after four e-folds of the slowest decay.
     """
     r = [0.003 * z / 2 * cos(radians(20)) for z in TEETH]
     inertia = np.array([*INERTIAS.values()])
@@ -113,7 +113,7 @@ def integrated(speed, start):
 
     period = tau / omega
     slowest = (inertia[0] + inertia[1] + (inertia[2] + inertia[3]) / 4) / (2 * 60.0 / (1500 * RPM) / 4)
-    settled = np.ceil(8 * slowest / period) * period
+    settled = np.ceil(4 * slowest / period) * period
     times = settled + period * np.arange(200) / 200
     history = solve_ivp(motion, (0, times[-1]), start, "DOP853", times, rtol=1e-8, atol=1e-12).y
     force = STIFFNESS * (1 + 2 * EPSILON * np.cos(omega * times)) * (g @ history[:4])

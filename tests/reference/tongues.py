@@ -95,7 +95,7 @@ def damping_matrix(system: GearSystem, kind: str, values: list) -> np.ndarray:
 def first_outside(system: GearSystem, inner: float, outer: float) -> float:
     """Bisection on the multipliers leaving the unit circle by more than 1e-7."""
     limit_of = 1e-7
-    for _ in range(60):
+    for _ in range(45):
         middle = 0.5 * (inner + outer)
         if log_growth(system, middle) > limit_of:
             inner = middle

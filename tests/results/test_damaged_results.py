@@ -14,7 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from scenes import TRAIN, code, opened, scene_text
+from scenes import code, opened, scene_text
 
 from gearstab.cli import main
 from gearstab.results import ResultError, open_result
@@ -23,7 +23,7 @@ from gearstab.results.read import is_sealed
 
 CONFIGS = {
     "sweep": scene_text("damaged_results"),
-    "respond": f"{TRAIN}respond: {{mesh_frequency: 5, cycles: 20, initial: {{velocity: [1, 0, 0]}}}}\n",
+    "respond": scene_text("config_pair") + "respond: {mesh_frequency: 5, cycles: 20, initial: {velocity: [1]}}\n",
 }
 COMMANDS = {
     "plot": ["plot", "-o", "out.png", "--dpi", "50"],

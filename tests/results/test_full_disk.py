@@ -30,7 +30,10 @@ COMMANDS = {
 
 
 def call(folder: Path, args: list[str], limit: int | None = None) -> subprocess.CompletedProcess[str]:
-    """Run a command; ``limit``: bytes of the largest file that the disk takes."""
+    """Run a command; ``limit``: bytes of the largest file that the disk takes.
+
+    It stores no byte code, which Python would leave cut off at the limit, so that later imports of the module fail.
+    """
 
     def confine() -> None:
         if limit is not None:
@@ -38,7 +41,7 @@ def call(folder: Path, args: list[str], limit: int | None = None) -> subprocess.
 
     return subprocess.run(
         [sys.executable, "-m", "gearstab", *args], cwd=folder, capture_output=True, text=True, preexec_fn=confine,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONDONTWRITEBYTECODE": "1"},
     )  # fmt: skip
 
 
@@ -55,9 +58,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 OLD = {"png": b"\x89PNG old", "pdf": b"%PDF-old", "svg": b"<svg></svg>", "export": b"epsilon,growth_rate\n"}
 """Files that may be replaced; the sweep has the result of an earlier one."""
 
+SLOW = {"pdf", "svg"}
+"""Figures that are written as those of the kind png are."""
+
 
 @pytest.mark.parametrize(
-    "command", [pytest.param(name, marks=pytest.mark.slow) if name == "svg" else name for name in COMMANDS]
+    "command", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in COMMANDS]
 )
 def test_a_full_disk_is_one_line_and_the_old_file_stays(folder: Path, command: str) -> None:
     args = COMMANDS[command]

@@ -123,11 +123,8 @@ def interrupted(process: subprocess.Popen[str], number: int) -> str:
     return said
 
 
-@pytest.mark.parametrize("moment", [CREATING, WRITING])
-@each_with(["plot", "export", "respond"])
-def test_an_output_half_written_goes_and_the_old_one_stays(
-    folder: Path, command: str, number: int, moment: str
-) -> None:
+def leaves_the_old(folder: Path, command: str, number: int, moment: str) -> None:
+    """A command that a signal ends at a moment takes its output away, and the old one stays."""
     out = folder / COMMANDS[command][3]
     out.write_bytes(b"")  # an empty file may be replaced
     process = start(folder, COMMANDS[command], NAMED + moment)
@@ -140,8 +137,17 @@ def test_an_output_half_written_goes_and_the_old_one_stays(
     out.unlink()
 
 
-@pytest.mark.parametrize("moment", [CREATING, WRITING])
-@pytest.mark.parametrize("command", ["export", "respond"])
+@each_with(["plot", "export", "respond"])
+def test_an_output_half_written_goes_and_the_old_one_stays(folder: Path, command: str, number: int) -> None:
+    leaves_the_old(folder, command, number, WRITING)
+
+
+@each_with(["export"])  # one place creates the files of all
+def test_an_output_that_is_still_empty_goes_and_the_old_one_stays(folder: Path, command: str, number: int) -> None:
+    leaves_the_old(folder, command, number, CREATING)
+
+
+@pytest.mark.parametrize(("command", "moment"), [("export", CREATING), ("respond", WRITING)])
 def test_a_killed_process_leaves_nothing(folder: Path, command: str, moment: str) -> None:
     try:
         os.close(os.open(folder, os.O_WRONLY | os.O_TMPFILE))

@@ -194,7 +194,9 @@ def matrix(rows: Sequence[Sequence[Any]] | Array) -> Array:
 
 def given(number: Any) -> bool:
     """Return whether a number is there and not zero everywhere."""
-    return number is not None and bool(np.any(np.asarray(number) != 0))
+    if number is None or isinstance(number, int | float):
+        return bool(number)
+    return bool(np.any(np.asarray(number) != 0))
 
 
 def evenly(start: float, change: Decimal, parts: int, count: int) -> Array | None:

@@ -140,7 +140,7 @@ def _scale(values: Array, magnitude: Array) -> Array:
     start = cluster_start(values)
     first = (start == np.arange(start.shape[1])).ravel()
     largest = np.maximum.reduceat(magnitude.ravel(), np.flatnonzero(first))[np.cumsum(first) - 1].reshape(start.shape)
-    scale = np.sqrt(np.take_along_axis(natural_scale(values, largest), start, axis=1))
+    scale = np.sqrt(natural_scale(values, largest)[np.arange(len(start))[:, None], start])
     return np.maximum(scale, SMALLEST * scale.max(axis=1, keepdims=True))
 
 

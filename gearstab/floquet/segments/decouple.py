@@ -64,7 +64,7 @@ cent of all cases."""
 def close(values: Array, part: float) -> Array:
     """``(r, n - 1)``: which neighbours among ascending eigenvalues ``(r, n)`` differ by less than a part of them."""
     size = np.maximum(np.abs(values[:, 1:]), np.abs(values[:, :-1]))
-    return np.diff(values, axis=1) <= part * size
+    return values[:, 1:] - values[:, :-1] <= part * size
 
 
 def cluster_start(values: Array) -> Array:
@@ -156,7 +156,7 @@ def runs(joined: Array) -> list[slice]:
 def _offset(values: Array) -> Array:
     """The diagonal member as ``(r, n, n)``, each cluster of eigenvalues relative to its first and of size 1."""
     result = np.zeros((*values.shape, values.shape[1]))
-    start = np.take_along_axis(values, cluster_start(values), axis=1)
+    start = values[np.arange(len(values))[:, None], cluster_start(values)]
     each = np.arange(values.shape[1])
     result[:, each, each] = (values - start) / np.maximum(np.abs(values), np.finfo(float).tiny)
     return result

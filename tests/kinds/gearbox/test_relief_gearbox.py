@@ -59,14 +59,14 @@ def test_turned_slowly_the_teeth_follow_the_static_transmission_error(tmp_path: 
     p = read(tmp_path, stiff.replace("4.0e4, damping_ratio: 0.05", "4.0e6, damping_ratio: 0.7")).system
     train, system = Train(p), build(p)
     loaded = train.meshes[0].teeth.loaded[0]
-    omega = 30.0
-    found = steady_state(system, omega, 4000)
-    np.testing.assert_allclose(found.mesh_force[:, 0], loaded.force, rtol=2e-3)
+    omega = 60.0
+    found = steady_state(system, omega, 500)
+    np.testing.assert_allclose(found.mesh_force[:, 0], loaded.force, rtol=4e-3)
     phase = found.time * omega / (2 * np.pi)
-    np.testing.assert_allclose(found.mesh_deflection[:, 0], loaded.error.value(phase), rtol=2e-3)
+    np.testing.assert_allclose(found.mesh_deflection[:, 0], loaded.error.value(phase), rtol=4e-3)
     speeds = speed_response(system, np.array([omega]), 400)
-    assert speeds.dynamic_load_factor[0, 0, 0] == pytest.approx(1.0, abs=2e-3)
-    assert speeds.transmission_error_peak_to_peak[0, 0, 0] == pytest.approx(loaded.peak_to_peak, rel=5e-3)
+    assert speeds.dynamic_load_factor[0, 0, 0] == pytest.approx(1.0, abs=4e-3)
+    assert speeds.transmission_error_peak_to_peak[0, 0, 0] == pytest.approx(loaded.peak_to_peak, rel=8e-3)
 
 
 def test_the_response_is_that_of_teeth_with_gaps(tmp_path: Path) -> None:
@@ -190,9 +190,9 @@ def test_turned_slowly_helical_teeth_follow_the_static_transmission_error(tmp_pa
     radius = 0.048 / np.cos(np.radians(12)) * np.cos(np.arctan(np.tan(np.radians(20)) / np.cos(np.radians(12))))
     assert loaded.force == pytest.approx(200 / radius, rel=1e-12)
     assert loaded.force == pytest.approx(float(static_mesh_force(system)[0]), rel=1e-10)
-    found = steady_state(system, 30.0, 4000)
+    found = steady_state(system, 60.0, 500)
     np.testing.assert_allclose(found.mesh_force[:, 0], loaded.force, rtol=2e-3)
-    phase = found.time * 30.0 / (2 * np.pi)
+    phase = found.time * 60.0 / (2 * np.pi)
     np.testing.assert_allclose(found.mesh_deflection[:, 0], loaded.error.value(phase), rtol=2e-3)
 
 
