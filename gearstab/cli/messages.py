@@ -38,7 +38,9 @@ def searched(searches: Mapping[str, RegionSearches]) -> list[str]:
     """Return one line for each method that searches all regions: how much of the stable mesh frequencies is proved so
     and how the rest was sampled; none where all is counted, as it is without damping.
     """
-    from gearstab.floquet.boundaries.regions import sampled
+    if not searches:
+        return []
+    from gearstab.floquet.boundaries.regions import sampled  # takes longer to load than a small sweep to run
 
     found = []
     for name, own in searches.items():

@@ -180,7 +180,6 @@ class Floquet(Restricted):
     def solved(self, mesh_frequency: Array) -> FloquetStability:
         """Compute the stability of the part of the system by its strategy."""
         from gearstab.floquet import frequencies, solve
-        from gearstab.floquet.frequencies import lyapunov
 
         def by_period(system: GearSystem, omega: Array) -> FloquetStability:
             return solve(system, omega, exponents=self.options.exponents, tolerance=self.options.tolerance)
@@ -188,6 +187,8 @@ class Floquet(Restricted):
         if self.strategy.name == "per_mesh":
             return frequencies.solve(self.part, mesh_frequency, by_period)
         if self.strategy.name == "lyapunov":
+            from gearstab.floquet.frequencies import lyapunov  # takes as long to load as a small sweep to run
+
             asked = self.options.lyapunov
             return lyapunov.solve(self.part, mesh_frequency, asked.cycles, asked.confidence, asked.seed)
         return by_period(self.part, mesh_frequency)

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gearstab.errors import SettingError
-from gearstab.floquet.general.mean import frequencies_beyond_modes
+from gearstab.floquet.dispatch import in_modes
 from gearstab.modal import Modes
 from gearstab.results.display import RATIOS, in_units_of
 from gearstab.results.tree import Group, fields_of
@@ -120,8 +120,12 @@ def modes_over_speed(system: GearSystem, speeds: Array) -> dict[str, Array]:
 def mode_frequencies(system: GearSystem, modes: Modes) -> dict[str, Array]:
     """Return the frequencies of a table of modes by name: with terms both damped ones and those of the shapes."""
     own = modes.natural_frequency
-    if (damped := frequencies_beyond_modes(system)) is None:
+    if in_modes(system):
         return {"natural_frequency": own}
+    from gearstab.floquet.general.mean import frequencies_beyond_modes  # takes as long to load as a small sweep to run
+
+    damped = frequencies_beyond_modes(system)
+    assert damped is not None
     return {"natural_frequency": damped.reshape(*system.batch, system.size), "symmetric_frequency": own}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -38,13 +39,18 @@ Encoded = bytes | InFile
 """An encoded chunk."""
 
 
-def octets(chunk: Encoded) -> bytes:
-    """The bytes of a chunk. Raises OSError, and OutputError where its file has become shorter."""
+def octets(chunk: Encoded, last: bool = False) -> bytes:
+    """The bytes of a chunk. Raises OSError, and OutputError where its file has become shorter.
+
+    last: whether nobody will read it again: the memory in which the system keeps it is free for what is written next.
+    """
     if isinstance(chunk, bytes):
         return chunk
     with open(chunk.path, "rb") as file:
         file.seek(chunk.start)
         data = file.read(chunk.length)
+        if last and hasattr(os, "posix_fadvise"):
+            os.posix_fadvise(file.fileno(), chunk.start, chunk.length, os.POSIX_FADV_DONTNEED)
     if len(data) != chunk.length:
         raise OutputError(f"{chunk.path}: was cut short while it was used")
     return data

@@ -180,7 +180,7 @@ def _create(target: h5py.Group, item: Field) -> h5py.Dataset:
         return target.create_dataset(name, shape=item.values.shape, dtype=dtype)
     dataset = target.create_dataset(name, shape=item.values.shape, dtype=dtype, chunks=item.values.chunk, **packed)
     for offset, data in item.values.pieces():
-        dataset.id.write_direct_chunk(offset, octets(data))
+        dataset.id.write_direct_chunk(offset, octets(data, last=True))
     return dataset
 
 

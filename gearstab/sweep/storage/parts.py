@@ -21,14 +21,16 @@ from dataclasses import asdict, dataclass, fields, replace
 from itertools import accumulate
 from operator import index
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gearstab.errors import OutputError
 from gearstab.methods import Key
-from gearstab.perturbation import Tongue
 from gearstab.results.hdf5 import crc32
 from gearstab.results.output import writing
 from gearstab.results.tree import Encoded, InFile, octets
+
+if TYPE_CHECKING:
+    from gearstab.perturbation import Tongue
 
 MAGIC = b"gearstab part 4\n"
 CHECKSUM = 4
@@ -134,6 +136,8 @@ def _from_body(body: memoryview, path: Path, digest: str) -> FinishedBlock | Non
 
 
 def _tongue(entries: Mapping[str, Any]) -> Tongue:
+    from gearstab.perturbation import Tongue  # takes as long to load as a small sweep to run
+
     kinds = {"int": int, "float": float, "str": str}
     return Tongue(**{item.name: kinds[str(item.type)](entries[item.name]) for item in fields(Tongue)})
 

@@ -20,7 +20,6 @@ import numpy as np
 from gearstab.config import Config
 from gearstab.errors import OutputError, ResultError, SweepError, one_line
 from gearstab.methods import Key, Outcome
-from gearstab.perturbation import Tongue
 from gearstab.results.hdf5 import holds_text
 from gearstab.results.read import SWEEP, attributes, is_sealed, result_of
 from gearstab.results.tree import FORMAT
@@ -186,6 +185,8 @@ def _filled(variable: Variable, values: Array) -> Array:
 
 def tongues(group: h5py.Group) -> tuple[Key, ...]:
     """Return what the dimension ``tongue`` of a group consists of."""
+    from gearstab.perturbation import Tongue  # takes as long to load as a small sweep to run
+
     columns: dict[str, list[Any]] = {}
     for variable in TONGUE:
         data = group[variable.name]
