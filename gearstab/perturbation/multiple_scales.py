@@ -30,9 +30,10 @@ EQUAL_FREQUENCY = 1e-8
 about (n eps/2) (w_max/w)^2, which stays below 1e-8 up to w_max/w = 1e3 for n = 33; a true difference as small as this
 is far below the width of any tongue that matters (and below the epsilon^2 that a first-order boundary neglects)."""
 
-ROUNDING = 1e-13
+ROUNDING = 1e-12
 """Couplings and damping rates below this part of the terms they are the sum of are rounding and count as zero, so that
-a tongue that vanishes exactly (an integer contact ratio, meshes that cancel) is reported with width zero."""
+a tongue that vanishes exactly (an integer contact ratio, meshes that cancel) is reported with width zero. Of planets in
+sequence more than 1e-13 is left, as much as the processor rounds."""
 
 Group = list[int]
 """Modes (numbers from 0) of equal natural frequency."""
