@@ -33,7 +33,7 @@ class RootBrackets:
 def narrowed(
     function: Callable[[Array, Array], Array], bracket: RootBrackets, tolerance: Array | float
 ) -> RootBrackets:
-    """Brackets no wider than the tolerance ``(Z,)``, or than neighbouring numbers.
+    """Brackets no wider than the tolerance ``(Z,)``, or than neighbouring numbers. A value of 0 counts as one below 0.
 
     function: (which of the functions ``(K,)``, places ``(K,)``) -> values ``(K,)``.
     """
@@ -41,7 +41,7 @@ def narrowed(
     c, fc, t = a.copy(), fa.copy(), np.full(len(a), 0.5)
     limit = np.maximum(tolerance, 4 * np.finfo(float).eps * np.maximum(np.abs(a), np.abs(b)))
     for _ in range(ROUNDS):
-        k = np.flatnonzero((np.abs(b - a) > limit) & (fa != 0))
+        k = np.flatnonzero(np.abs(b - a) > limit)
         if len(k) == 0:
             break
         x = a[k] + t[k] * (b[k] - a[k])
