@@ -118,7 +118,7 @@ def with_forcing(system: GearSystem, p: Any) -> GearSystem:
 
 def _driven(mesh: Mesh, p: Any) -> Mesh:
     """The mesh with its transmission error, damping and backlash; most have none."""
-    if p.transmission_error is None and p.damping is None and p.backlash is None:
+    if all(part is None for part in (p.transmission_error, p.damping, p.backlash)):
         return mesh
     return replace(
         mesh,
