@@ -38,13 +38,13 @@ static int evaluate(struct window *w, int count) {
         later[i] = cycle[i] * (1.0 + w->step * w->shorter[i]);
     w->order->level->spectra_at(w->spectra, 2 * count, cycle, w->angle, w->growth, w->size, w->taken);
     for (int i = 0; i < count; i++)
-        read_point(w, i, count + i, cycle[i], later[i]);
+        w->again[i] = i, read_point(w, i, count + i, cycle[i], later[i]);
     /* Where several pairs leave the circle or come back within a step, as those of nearly identical parts do, a shorter one tells. */
     for (int attempt = 0, left = count; left > 0 && attempt < SHORTENED; attempt++) {
         int again = 0;
         for (int i = 0; i < left; i++) {
-            int point = attempt ? w->again[i] : i;
-            struct sample *s = at(w, w->samples + point);
+            int point = w->again[i];
+            const struct sample *s = at(w, w->samples + point);
             if (s->known || !(w->size[point] < LARGEST))
                 continue;
             w->again[again] = point;

@@ -157,9 +157,10 @@ static vec settle_equals(int64_t n, const vec *real, vec *imaginary, vec noise) 
             continue;
         for (int64_t j = 0; j < n; j++) {
             vec distance = magnitude(real[j] - real[i]);
-            mask group = distance != distance;
+            mask group = {0};
             for (int64_t k = 0; k < n; k++)
-                group |= k == j ? distance != distance : magnitude(real[k] - real[j]) * distance <= WITHIN * noise;
+                if (k != j)
+                    group |= magnitude(real[k] - real[j]) * distance <= WITHIN * noise;
             apart = choose(group & (distance * BESIDE_OTHERS >= size), smaller(apart, distance), apart);
         }
         mask equal = doubtful & (size * apart <= noise);

@@ -87,23 +87,45 @@ static void order_changes(struct actors *a, const struct conservative *p) {
     a->changes[p->states] = count;
 }
 
+/* The first mode of the same frequency of each (n,), from squared frequencies that ascend; returns how many are alike at most. */
+static int64_t find_alike(const double *squared, int64_t n, int64_t *alike) {
+    int64_t largest = 1;
+    for (int64_t i = 0; i < n; i++) {
+        alike[i] = i && fabs(squared[i] - squared[i - 1]) <= EQUAL * fabs(squared[i]) ? alike[i - 1] : i;
+        largest = i - alike[i] + 1 > largest ? i - alike[i] + 1 : largest;
+    }
+    return largest;
+}
+
+/* Room for the shares of a point: pairs of leading parts, each of modes that are alike in any row, of n solutions. */
+static int64_t most_shares(struct actors *a, const struct conservative *p, const double *mean) {
+    int64_t largest = 1;
+    for (int64_t row = 0; a->alike && row < p->rows; row++) {
+        int64_t own = find_alike(mean + row * a->n, a->n, a->alike);
+        largest = own > largest ? own : largest;
+    }
+    return LEADING * LEADING * largest * largest * a->n;
+}
+
 static int actors_new(struct actors *a, const struct conservative *exact, const struct conservative *coarse,
-                      int64_t directions) {
+                      const struct acting *acting) {
     size_t n = (size_t)exact->n, segments = (size_t)coarse->segments, states = (size_t)coarse->states;
+    int64_t directions = acting->count;
     *a = (struct actors){.n = exact->n, .segments = coarse->segments, .states = coarse->states, .directions = directions};
-    a->most = LEADING * LEADING * exact->n * exact->n;
+    a->alike = malloc(n * sizeof *a->alike);
+    a->most = most_shares(a, coarse, acting->mean);
     a->spectra = spectra_new(exact);
     vec *room = vectors((int64_t)(2 * (2 * n * (5 + 2 * segments)) + 5 * n + 16 * n * n) + 4 * directions, &a->memory);
     double *plain = malloc((5 * segments + states + 1) * sizeof *plain);
     a->plain = plain;
     a->found = malloc(LANES * (size_t)a->most * sizeof *a->found);
     a->change = malloc(segments * sizeof *a->change);
-    a->alike = malloc(n * sizeof *a->alike);
     if (row_new(&a->row, coarse) || !a->spectra || !room || !plain || !a->found || !a->change || !a->alike)
         return -1;
     a->start = (struct pair *)room, a->now = a->start + 2 * n, a->next = a->now + 2 * n, a->ends = a->next + 2 * n;
     a->jump = a->ends + 4 * n * segments, a->total = a->jump + 2 * n;
-    a->force = a->total + 2 * n, a->growth = (vec *)(a->force + 2 * directions), a->angle = a->growth + n, a->wave = a->angle + n, a->kept = a->wave + 3 * n;
+    a->force = a->total + 2 * n, a->growth = (vec *)(a->force + 2 * directions), a->angle = a->growth + n;
+    a->wave = a->angle + n, a->kept = a->wave + 3 * n;
     a->factors = (struct pair *)(a->kept + 4 * n * n), a->exchanged = (mask *)(a->factors + 4 * n * n);
     a->begins = plain, a->turn = a->begins + segments, a->step = a->turn + 2 * segments;
     a->changes = (int64_t *)(a->step + 2 * segments);
@@ -112,9 +134,13 @@ static int actors_new(struct actors *a, const struct conservative *exact, const 
 }
 
 /* What all solutions of a row have in common. */
-static void set_row(struct actors *a, const struct conservative *p, int64_t row) {
+static void set_row(struct actors *a, const struct conservative *p, const struct acting *acting, int64_t row) {
     double highest = 0.0, begin = 0.0;
+    int64_t forces = acting->count * a->n;
     row_set(&a->row, p, row);
+    a->across = acting->across + row * p->states * forces;
+    a->direction = acting->direction + row * forces, a->mean = acting->mean + row * a->n;
+    find_alike(a->mean, a->n, a->alike);
     for (int64_t i = 0; i < p->states * a->n; i++)
         highest = fabs(p->squared[row * p->states * a->n + i]) > highest ? fabs(p->squared[row * p->states * a->n + i]) : highest;
     a->highest = sqrt(highest);
@@ -392,19 +418,15 @@ static int shares(const struct conservative *exact, const struct conservative *c
                   const double *turn, int64_t first, int64_t last, const int64_t *row, const double *cycle,
                   struct shares *kept) {
     struct actors a;
-    int failed = actors_new(&a, exact, coarse, acting->count);
-    int64_t n = exact->n, forces = acting->count * n, before = -1;
+    int failed = actors_new(&a, exact, coarse, acting);
+    int64_t n = exact->n, before = -1;
     for (int64_t begin = first, end; !failed && begin < last && !gearstab_stopped(); begin = end) {
         int64_t own = row[begin], counts[LANES] = {0}, which[LANES];
         for (end = begin + 1; end < last && end < begin + LANES && row[end] == own; end++)
             ;
         if (own != before)
-            row_set(&a.spectra->row, exact, own), set_row(&a, coarse, own);
+            row_set(&a.spectra->row, exact, own), set_row(&a, coarse, acting, own);
         before = own;
-        a.across = acting->across + own * coarse->states * forces;
-        a.direction = acting->direction + own * forces, a.mean = acting->mean + own * n;
-        for (int64_t i = 0; i < n; i++)
-            a.alike[i] = i && fabs(a.mean[i] - a.mean[i - 1]) <= EQUAL * fabs(a.mean[i]) ? a.alike[i - 1] : i;
         vec turns = exact->cycles * load_part(cycle + begin, 0, end - begin);
         multipliers(&a, turns, end - begin);
         for (int64_t lane = 0; lane < LANES; lane++)
