@@ -13,6 +13,7 @@ from gearstab.config.model import replaced
 from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
+from gearstab.floquet.dispatch import in_modes
 from gearstab.floquet.frequencies import common_period
 from gearstab.floquet.general.mean import frequencies_beyond_modes
 from gearstab.modal import modal_damping_matrix, modal_damping_ratios
@@ -76,7 +77,8 @@ def window(system: GearSystem, tongue: Tongue, half_width: float, center: float 
     at = float(total) / tongue.frequency_ratio if center is None else center
     epsilon = max(float(mesh.epsilon) for mesh in system.meshes)
     moved = 0.25 * epsilon**2 * at + 2 * half_width
-    if center is None and (whole := frequencies_beyond_modes(system)) is not None:
+    if center is None and not in_modes(system):
+        whole = frequencies_beyond_modes(system)
         moved += float(np.abs(whole[0, modes] - natural).sum()) / tongue.frequency_ratio
     moved = min(moved, MOST_SHIFT * at)
     return at - moved, at + moved

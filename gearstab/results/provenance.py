@@ -124,9 +124,8 @@ def mode_frequencies(system: GearSystem, modes: Modes) -> dict[str, Array]:
         return {"natural_frequency": own}
     from gearstab.floquet.general.mean import frequencies_beyond_modes  # takes as long to load as a small sweep to run
 
-    damped = frequencies_beyond_modes(system)
-    assert damped is not None
-    return {"natural_frequency": damped.reshape(*system.batch, system.size), "symmetric_frequency": own}
+    damped = frequencies_beyond_modes(system).reshape(*system.batch, system.size)
+    return {"natural_frequency": damped, "symmetric_frequency": own}
 
 
 def coordinate_names(system: GearSystem) -> list[str]:

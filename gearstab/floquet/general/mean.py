@@ -23,7 +23,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.dispatch import in_modes
 from gearstab.propagation.elastic import ElasticRows, mean_levels, single_rows
 from gearstab.system import Array, GearSystem
 
@@ -253,12 +252,10 @@ def mean_motions(system: GearSystem, mesh_frequency: Array | float = 0.0) -> Mea
     return MeanMotions(frequency, growth, mode)
 
 
-def frequencies_beyond_modes(system: GearSystem) -> Array | None:
+def frequencies_beyond_modes(system: GearSystem) -> Array:
     """``(rows, n)``: damped natural frequencies of the whole mean system in the order of the modes of its symmetric
-    part; None where that is all of it but for symmetric damping, so that its modes tell the natural frequencies.
+    part, for systems beyond modes (:func:`~gearstab.floquet.dispatch.in_modes`).
     """
-    if in_modes(system):
-        return None
     found = mean_motions(system)
     return np.take_along_axis(found.frequency, np.argsort(found.mode, axis=1), 1)
 

@@ -102,8 +102,7 @@ def shares(
         given = pattern_arguments(pattern, rows)
         other = given if coarse is pattern else pattern_arguments(coarse, rows)
         arguments = (*given, *other[0][1:3], *other[1:])
-        part_of = coarse.subset(np.arange(rows.start, rows.stop))
-        acting = [contiguous(values) for values in (*_acting(part_of, mean[rows]), mean[rows], turn[rows])]
+        acting = [contiguous(values) for values in (*_acting(coarse, rows, mean[rows]), mean[rows], turn[rows])]
         points = (acting[1].shape[1], *acting, index[low:high] - rows.start, place[low:high])
 
         def part(first: int, last: int, all_of: tuple[Any, ...] = (arguments, points), base: int = int(low)) -> None:
@@ -117,17 +116,17 @@ def shares(
     return parts[0] if len(parts) == 1 else np.concatenate([np.empty(0, dtype=SHARE), *parts])
 
 
-def _acting(pattern: Pattern, mean: Array) -> tuple[Array, Array]:
-    """``struct acting`` of kernel.h: across ``(r, D, m, n)`` and direction ``(r, m, n)``.
+def _acting(pattern: Pattern, rows: slice, mean: Array) -> tuple[Array, Array]:
+    """``struct acting`` of kernel.h for some rows: across ``(r, D, m, n)`` and direction ``(r, m, n)``.
 
     The states differ only by what the meshes do: along their directions where these are few.
     """
-    n, meshes = pattern.size, pattern.elastic.directions.shape[1]
+    n, of_meshes = pattern.size, pattern.elastic.directions[rows]
     directions = np.broadcast_to(np.eye(n), (len(mean), n, n))
-    if 2 * meshes <= n:
-        directions = np.swapaxes(np.linalg.qr(np.swapaxes(pattern.elastic.directions, -1, -2))[0], -1, -2)
-    change = pattern.stiffness - (mean[:, :, None] * np.eye(n))[:, None]
-    return directions[:, None] @ change @ pattern.modes, directions
+    if 2 * of_meshes.shape[1] <= n:
+        directions = np.swapaxes(np.linalg.qr(np.swapaxes(of_meshes, -1, -2))[0], -1, -2)
+    change = pattern.stiffness[rows] - (mean[:, :, None] * np.eye(n))[:, None]
+    return directions[:, None] @ change @ pattern.modes[rows], directions
 
 
 def names(
